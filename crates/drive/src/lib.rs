@@ -1,0 +1,1 @@
+//! The behaviour of the controllers: registers, motion, inputs, faults, programs.

@@ -1,0 +1,1 @@
+//! Exact, event-driven motion of a stepper motor axis.

@@ -1,0 +1,1 @@
+//! Puts a rig on the network and keeps its non-volatile memory.
