@@ -17,3 +17,12 @@ pub const HALF_FRAME_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// ASSUMED: a client that does not take its replies is disconnected after this time.
 pub const UNREAD_REPLY_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// ASSUMED: the least time that an instruction of a program takes, so that no loop runs in no time (decision 22).
+pub const INSTRUCTION_TIME: Duration = Duration::from_millis(1);
+
+/// ASSUMED: how many subprograms may be called without having returned (decision 23).
+pub const CALL_DEPTH: usize = 16;
+
+/// ASSUMED: how many loops may be open (decision 23).
+pub const LOOP_DEPTH: usize = 8;
