@@ -1,1 +1,14 @@
-//! The world around the controllers: motors, mechanics, switches.
+//! The world around the controllers, still without I/O: motors, mechanics, switches.
+//!
+//! A [`machine::Machine`] is a controller with what hangs on it. It is driven like the controller itself, by requests
+//! and by time, and makes the two meet: the rotor moves the mechanics, the mechanics close the switches, the switches
+//! signal to the controller, each at the exact instant. A rig is a set of machines, described by a [`file::RigFile`].
+//!
+//! `no_std`; allocates when a rig is read and built, and not while it runs.
+#![no_std]
+
+extern crate alloc;
+
+pub mod file;
+pub mod machine;
+pub mod mechanics;

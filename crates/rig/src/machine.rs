@@ -1,0 +1,118 @@
+//! A controller and what hangs on it, driven as one.
+
+use crate::mechanics::{Mechanics, Switch};
+use alloc::vec::Vec;
+use stepdrive_drive::smsd::{Config, Memory, Session, Smsd};
+use stepdrive_spec::modbus::{Exception, Reply, Request};
+use stepdrive_spec::smsd::inputs::Input;
+use stepdrive_spec::time::Instant;
+
+/// A controller with its motor, mechanics and switches.
+///
+/// # How to use one
+///
+/// Calls carry the time, which must not run backward. [`Machine::handle`] takes a request and first brings the machine
+/// up to its time; [`Machine::next_wake`] and [`Machine::advance`] let time pass without one. Events, and memory to be
+/// stored, are fetched from [`Machine::drive_mut`] after each call.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    drive: Smsd,
+    mechanics: Mechanics,
+    switches: Vec<Switch>,
+    /// When something next happens by itself; kept up to date so that a read costs one comparison.
+    wake: Option<Instant>,
+}
+
+impl Machine {
+    /// Switches a machine on.
+    pub fn power_up(config: Config, memory: Memory, mechanics: Mechanics, switches: Vec<Switch>) -> Machine {
+        let signals = Input::ALL.into_iter().filter(|input| level(&switches, *input, mechanics.place(0)));
+        let levels = signals.fold(0, |bits, input| bits | input.bit());
+        let mut machine = Machine {
+            drive: Smsd::power_up(Instant::ZERO, config, memory, levels),
+            mechanics,
+            switches,
+            wake: None,
+        };
+        machine.plan_wake(Instant::ZERO);
+        machine
+    }
+
+    /// Answers a request at `now`.
+    ///
+    /// # Errors
+    /// The exception to answer with; see [`Smsd::handle`].
+    pub fn handle(
+        &mut self,
+        now: Instant,
+        session: &mut Session,
+        request: &Request,
+    ) -> Result<Reply, Exception> {
+        self.advance(now);
+        if matches!(request, Request::ReadBits { .. } | Request::ReadWords { .. }) {
+            return self.drive.handle(now, session, request);
+        }
+        self.mechanics.follow(self.drive.rotor(now));
+        let reply = self.drive.handle(now, session, request);
+        self.plan_wake(now);
+        reply
+    }
+
+    /// When the machine next wants [`Machine::advance`] called; `None` while nothing will happen by itself.
+    pub fn next_wake(&self) -> Option<Instant> {
+        self.wake
+    }
+
+    /// Lets everything happen that is due up to `now`, each thing at its own instant: the motion first, then the
+    /// switches that it moved.
+    pub fn advance(&mut self, now: Instant) {
+        while let Some(at) = self.wake.filter(|at| *at <= now) {
+            self.mechanics.follow(self.drive.rotor(at));
+            self.drive.handle_wake(at);
+            self.mechanics.follow(self.drive.rotor(at));
+            self.signal_switches(at);
+            self.plan_wake(at);
+        }
+    }
+
+    /// The controller.
+    pub fn drive(&self) -> &Smsd {
+        &self.drive
+    }
+
+    /// The controller, to fetch events and unsaved memory from.
+    pub fn drive_mut(&mut self) -> &mut Smsd {
+        &mut self.drive
+    }
+
+    /// Where the carriage is at `now`, in full steps on its travel.
+    pub fn carriage(&self, now: Instant) -> f64 {
+        self.mechanics.place(self.drive.rotor(now)) as f64 / Smsd::ROTOR_UNITS as f64
+    }
+
+    /// Whether the rotor is being driven against an end of the travel at `now`.
+    pub fn stalled(&self, now: Instant) -> bool {
+        self.drive.speed(now) > 0.0 && self.mechanics.stalled(self.drive.rotor(now), self.drive.direction())
+    }
+
+    /// Tells the controller the levels of the inputs that switches are wired to.
+    fn signal_switches(&mut self, now: Instant) {
+        let place = self.mechanics.place(self.drive.rotor(now));
+        for switch in &self.switches {
+            self.drive.set_input(now, switch.input, level(&self.switches, switch.input, place));
+        }
+    }
+
+    fn plan_wake(&mut self, now: Instant) {
+        let rotor = self.drive.rotor(now);
+        let edge = self.mechanics.next_edge(&self.switches, rotor, self.drive.direction());
+        let switch = edge.and_then(|place| self.drive.when_rotor_reaches(place));
+        let drive = self.drive.next_wake().map(|(at, _)| at);
+        self.wake = [drive, switch].into_iter().flatten().min();
+    }
+}
+
+/// Whether a switch on `input` is closed with the carriage at `place`.
+fn level(switches: &[Switch], input: Input, place: i64) -> bool {
+    switches.iter().any(|switch| switch.input == input && switch.closed(place))
+}

@@ -1,0 +1,181 @@
+//! What the rotor moves: a carriage on a travel, and the switches along it.
+//!
+//! Places are whole numbers of [`Smsd::ROTOR_UNITS`] to the full step, the finest microstep of either family of
+//! controllers, so that every microstep is represented exactly.
+
+use stepdrive_drive::smsd::Smsd;
+use stepdrive_motion::Direction;
+use stepdrive_spec::smsd::inputs::Input;
+
+/// A travel with hard ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Travel {
+    low: i64,
+    high: i64,
+}
+
+impl Travel {
+    /// The travel between two places in full steps; `None` when they leave nothing between them.
+    pub fn between([low, high]: [f64; 2]) -> Option<Travel> {
+        interval([low, high]).map(|(low, high)| Travel { low, high })
+    }
+}
+
+/// A switch that is closed along part of the travel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Switch {
+    /// The input it is wired to.
+    pub input: Input,
+    low: i64,
+    high: i64,
+}
+
+impl Switch {
+    /// A switch closed between two places in full steps, both included; `None` when no microstep lies between them.
+    pub fn new(input: Input, closed: [f64; 2]) -> Option<Switch> {
+        interval(closed).map(|(low, high)| Switch { input, low, high })
+    }
+
+    /// Whether it is closed with the carriage at `place`.
+    pub fn closed(&self, place: i64) -> bool {
+        (self.low..=self.high).contains(&place)
+    }
+
+    /// The next place in `direction` from `place` at which it opens or closes.
+    fn next_edge(&self, place: i64, direction: Direction) -> Option<i64> {
+        let (entry, exit) = match direction {
+            Direction::Forward => (self.low, self.high + 1),
+            Direction::Reverse => (self.high, self.low - 1),
+        };
+        [entry, exit].into_iter().find(|edge| ahead(place, *edge, direction))
+    }
+}
+
+/// The whole units within an interval in full steps.
+fn interval([low, high]: [f64; 2]) -> Option<(i64, i64)> {
+    let units = Smsd::ROTOR_UNITS as f64;
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "`as` saturates; rig files allow up to 1e9 full steps"
+    )]
+    let (low, high) = (libm::ceil(low * units) as i64, libm::floor(high * units) as i64);
+    (low <= high).then_some((low, high))
+}
+
+fn ahead(from: i64, to: i64, direction: Direction) -> bool {
+    match direction {
+        Direction::Forward => to > from,
+        Direction::Reverse => to < from,
+    }
+}
+
+/// A carriage that follows the rotor between the ends of its travel.
+///
+/// At an end it stays while the rotor is driven further: the rotor stalls and the steps are lost. It comes away as soon
+/// as the rotor turns back.
+#[derive(Clone, Copy, Debug)]
+pub struct Mechanics {
+    travel: Option<Travel>,
+    /// A place of the carriage, and the rotor's place there.
+    place: i64,
+    rotor: i64,
+}
+
+impl Mechanics {
+    /// A carriage at `start` full steps, moved into the travel if it has one, with the rotor at its place 0.
+    pub fn new(travel: Option<Travel>, start: f64) -> Mechanics {
+        #[allow(
+            clippy::cast_possible_truncation,
+            reason = "`as` saturates; rig files allow up to 1e9 full steps"
+        )]
+        let place = libm::round(start * Smsd::ROTOR_UNITS as f64) as i64;
+        let mechanics = Mechanics { travel, place, rotor: 0 };
+        Mechanics { place: mechanics.clamp(place), ..mechanics }
+    }
+
+    /// The carriage's place with the rotor at `rotor`. Since [`Mechanics::follow`] was last called the rotor must have
+    /// gone one way only.
+    pub fn place(&self, rotor: i64) -> i64 {
+        self.clamp(self.place.saturating_add(rotor.saturating_sub(self.rotor)))
+    }
+
+    /// Takes the carriage along to where the rotor is now.
+    pub fn follow(&mut self, rotor: i64) {
+        self.place = self.place(rotor);
+        self.rotor = rotor;
+    }
+
+    /// Whether the rotor, turning in `direction`, is being driven against an end.
+    pub fn stalled(&self, rotor: i64, direction: Direction) -> bool {
+        let place = self.place(rotor);
+        self.travel.is_some_and(|travel| match direction {
+            Direction::Forward => place >= travel.high,
+            Direction::Reverse => place <= travel.low,
+        })
+    }
+
+    /// The rotor's place at which the next of `switches` changes, turning in `direction` from `rotor`.
+    pub fn next_edge(&self, switches: &[Switch], rotor: i64, direction: Direction) -> Option<i64> {
+        let place = self.place(rotor);
+        let edges = switches.iter().filter_map(|switch| switch.next_edge(place, direction));
+        let nearest = edges.min_by_key(|edge| edge.abs_diff(place))?;
+        (self.clamp(nearest) == nearest).then_some(rotor.saturating_add(nearest.saturating_sub(place)))
+    }
+
+    fn clamp(&self, place: i64) -> i64 {
+        self.travel.map_or(place, |travel| place.clamp(travel.low, travel.high))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Direction::{Forward, Reverse};
+
+    const STEP: i64 = Smsd::ROTOR_UNITS;
+
+    fn stage() -> Mechanics {
+        Mechanics::new(Travel::between([-10.0, 10.0]), 0.0)
+    }
+
+    #[test]
+    fn the_carriage_stops_at_an_end_and_leaves_it_as_soon_as_the_rotor_turns_back() {
+        let mut stage = stage();
+        stage.follow(15 * STEP);
+        assert_eq!(stage.place(15 * STEP), 10 * STEP);
+        assert!(stage.stalled(15 * STEP, Forward));
+        assert_eq!(stage.place(12 * STEP), 7 * STEP);
+        assert!(!stage.stalled(15 * STEP, Reverse));
+    }
+
+    #[test]
+    fn a_start_outside_the_travel_is_moved_to_its_end() {
+        let stage = Mechanics::new(Travel::between([-10.0, 10.0]), 99.0);
+        assert_eq!(stage.place(0), 10 * STEP);
+    }
+
+    #[test]
+    fn the_next_edge_is_the_nearest_that_lies_ahead() {
+        let stage = stage();
+        let near = Switch::new(Input::In0, [2.0, 3.0]).expect("not empty");
+        let far = Switch::new(Input::In1, [5.0, 6.0]).expect("not empty");
+        let both = [far, near];
+        assert_eq!(stage.next_edge(&both, 0, Forward), Some(2 * STEP));
+        assert_eq!(stage.next_edge(&both, 2 * STEP, Forward), Some(3 * STEP + 1));
+        assert_eq!(stage.next_edge(&both, 4 * STEP, Reverse), Some(3 * STEP));
+        assert_eq!(stage.next_edge(&both, 7 * STEP, Forward), None);
+    }
+
+    #[test]
+    fn an_edge_beyond_the_end_of_the_travel_never_comes() {
+        let beyond = [Switch::new(Input::In0, [8.0, 12.0]).expect("not empty")];
+        assert_eq!(stage().next_edge(&beyond, 0, Forward), Some(8 * STEP));
+        assert_eq!(stage().next_edge(&beyond, 9 * STEP, Forward), None);
+    }
+
+    #[test]
+    fn an_interval_that_no_microstep_meets_makes_no_switch() {
+        assert_eq!(Switch::new(Input::In0, [0.001, 0.002]), None);
+        assert!(Switch::new(Input::In0, [0.0, 0.002]).is_some());
+    }
+}
