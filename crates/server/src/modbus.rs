@@ -1,0 +1,200 @@
+//! Modbus TCP: a listener for each drive, a task for each connection.
+
+use crate::What;
+use crate::station::Station;
+use socket2::{SockRef, TcpKeepalive};
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use stepdrive_drive::smsd::Session;
+use stepdrive_proto::modbus::{Adu, Split, decode_request, encode_reply, split};
+use stepdrive_spec::smsd::timing::{HALF_FRAME_TIMEOUT, MAX_CONNECTIONS, UNREAD_REPLY_TIMEOUT};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinSet;
+use tokio::time::timeout;
+
+/// How long a peer that has vanished may keep its socket before the kernel starts asking for it.
+const KEEPALIVE: Duration = Duration::from_mins(1);
+
+/// How long accepting rests after it has failed, as when the process has no file descriptors left.
+const ACCEPT_REST: Duration = Duration::from_millis(100);
+
+/// Bytes of requests held for a connection: some dozens of pipelined requests, or the longest frame many times over.
+const INPUT: usize = 2048;
+
+/// Bytes of replies collected before they are sent, so that pipelined requests are answered in few packets.
+const OUTPUT: usize = 4096;
+
+/// A socket that takes the connections of one drive.
+pub(crate) struct Listener {
+    socket: TcpListener,
+    address: SocketAddr,
+}
+
+impl Listener {
+    /// Listens at `address`; port 0 takes a free one.
+    pub(crate) async fn bind(address: SocketAddr) -> io::Result<Listener> {
+        let socket = TcpListener::bind(address).await?;
+        let address = socket.local_addr()?;
+        Ok(Listener { socket, address })
+    }
+
+    /// Where it listens.
+    pub(crate) fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Serves the drive's clients until it is dropped.
+    pub(crate) async fn serve(mut self, station: Arc<Station>) {
+        let mut connections = JoinSet::new();
+        loop {
+            tokio::select! {
+                accepted = self.socket.accept() => match accepted {
+                    Ok((stream, peer)) => admit(stream, peer, &mut connections, &station),
+                    Err(error) => {
+                        station.tell(What::CannotAccept(error));
+                        tokio::time::sleep(ACCEPT_REST).await;
+                    }
+                },
+                () = station.reconfigured() => {
+                    // The network chip is set up anew: all its sockets are closed.
+                    connections.abort_all();
+                    self.move_to(station.address(), &station).await;
+                }
+            }
+        }
+    }
+
+    /// Listens at another address. When that cannot be had, the old one stays: a drive that nobody can reach is worse.
+    async fn move_to(&mut self, address: SocketAddr, station: &Station) {
+        if address.port() == self.address.port() || address.port() == 0 {
+            return;
+        }
+        match Listener::bind(address).await {
+            Ok(listener) => {
+                *self = listener;
+                station.tell(What::Moved(self.address));
+            }
+            Err(error) => station.tell(What::CannotMove { to: address, error }),
+        }
+    }
+}
+
+/// Gives a connection a task, or closes it when all sockets are taken.
+fn admit(stream: TcpStream, peer: SocketAddr, connections: &mut JoinSet<()>, station: &Arc<Station>) {
+    while connections.try_join_next().is_some() {}
+    if connections.len() >= MAX_CONNECTIONS {
+        station.tell(What::Full(peer));
+        return;
+    }
+    // Without these the connection still works, a little slower or a little longer.
+    let _ = stream.set_nodelay(true);
+    let _ = SockRef::from(&stream).set_tcp_keepalive(&TcpKeepalive::new().with_time(KEEPALIVE));
+    let station = Arc::clone(station);
+    connections.spawn(async move {
+        // However it ends, there is nobody left to tell.
+        let _ = Connection::new(stream).serve(&station).await;
+    });
+}
+
+/// A client's connection.
+struct Connection {
+    stream: TcpStream,
+    session: Session,
+    input: Box<[u8; INPUT]>,
+    /// How much of `input` is filled.
+    filled: usize,
+    output: Vec<u8>,
+}
+
+impl Connection {
+    fn new(stream: TcpStream) -> Connection {
+        Connection {
+            stream,
+            session: Session::new(),
+            input: Box::new([0; INPUT]),
+            filled: 0,
+            output: Vec::new(),
+        }
+    }
+
+    /// Answers requests until the client leaves, falls silent in the middle of one, stops taking replies, or sends what
+    /// cannot be Modbus.
+    async fn serve(mut self, station: &Station) -> io::Result<()> {
+        loop {
+            self.receive().await?;
+            let intact = self.answer(station).await?;
+            self.send().await?;
+            if !intact {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Waits for more bytes.
+    async fn receive(&mut self) -> io::Result<()> {
+        let room = self.input.get_mut(self.filled..).unwrap_or(&mut []);
+        let read = self.stream.read(room);
+        let count = if self.filled == 0 { read.await? } else { timeout(HALF_FRAME_TIMEOUT, read).await?? };
+        if count == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        self.filled += count;
+        Ok(())
+    }
+
+    /// Answers every whole frame in the input and keeps the rest. `false` when the stream cannot be followed any more.
+    async fn answer(&mut self, station: &Station) -> io::Result<bool> {
+        let mut taken = 0;
+        let mut adu = Adu::new();
+        let intact = loop {
+            let bytes = self.input.get(taken..self.filled).unwrap_or(&[]);
+            let (frame, size) = match split(bytes) {
+                Split::Incomplete { .. } => break true,
+                Split::Broken { .. } => break false,
+                Split::Foreign { size, .. } => {
+                    taken += size;
+                    continue;
+                }
+                Split::Frame { frame, size } => (frame, size),
+            };
+            taken += size;
+            let Some(duties) = station.answer(&mut self.session, &frame, &mut adu) else { continue };
+            if let Some(generation) = duties.store
+                && let Err(exception) = station.store(generation).await
+                && let Ok(request) = decode_request(frame.pdu)
+            {
+                encode_reply(&mut adu, frame.transaction, frame.unit, &request, &Err(exception));
+            }
+            self.output.extend_from_slice(&adu);
+            if duties.reconfigure {
+                self.send().await?;
+                station.reconfigure();
+            } else if self.output.len() >= OUTPUT {
+                self.send().await?;
+            }
+        };
+        self.input.copy_within(taken..self.filled, 0);
+        self.filled -= taken;
+        Ok(intact)
+    }
+
+    /// Sends the collected replies.
+    async fn send(&mut self) -> io::Result<()> {
+        if !self.output.is_empty() {
+            // Most replies fit into the socket's buffer, so that no timer is needed.
+            let sent = match self.stream.try_write(&self.output) {
+                Ok(sent) => sent,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => 0,
+                Err(error) => return Err(error),
+            };
+            if let Some(rest @ [_, ..]) = self.output.get(sent..) {
+                timeout(UNREAD_REPLY_TIMEOUT, self.stream.write_all(rest)).await??;
+            }
+            self.output.clear();
+        }
+        Ok(())
+    }
+}
