@@ -20,6 +20,8 @@ const INTERRUPTING: [Input; 3] = [Input::In0, Input::In1, Input::SetZero];
 pub(super) struct Interpreter {
     /// The line that runs, or ran last.
     place: Place,
+    /// How many instructions have run since power-up.
+    executed: u64,
     running: Option<Running>,
 }
 
@@ -101,6 +103,11 @@ impl Interpreter {
         self.running.is_some()
     }
 
+    /// How many instructions have run since power-up.
+    pub(super) fn executed(&self) -> u64 {
+        self.executed
+    }
+
     /// When the next instruction is due; `None` while nothing runs or the present one waits for something else.
     pub(super) fn next_wake(&self) -> Option<Instant> {
         let running = self.running.as_ref()?;
@@ -152,6 +159,7 @@ impl Smsd {
         let Some(mut running) = self.interpreter.running.take() else { return };
         self.interpreter.place = running.next;
         let Some(word) = self.word_at(running.next) else { return };
+        self.interpreter.executed = self.interpreter.executed.saturating_add(1);
         let outcome = match Instruction::from_word(word) {
             Ok(instruction) => {
                 self.perform(now, &mut running, instruction).map_err(|why| (Some(instruction.opcode), why))
@@ -211,7 +219,9 @@ impl Smsd {
                     _ => instruction.data.cast_signed(),
                 };
                 self.execute(now, opcode, operand)?;
-                Flow::On(INSTRUCTION_TIME, Hold::Ready)
+                // What is left are motions, which `CMD` takes as well, and settings, which hold nothing.
+                let hold = if opcode.info().in_cmd { Hold::Ready } else { Hold::None };
+                Flow::On(INSTRUCTION_TIME, hold)
             }
         };
         Ok(flow)

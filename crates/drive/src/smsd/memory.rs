@@ -117,6 +117,14 @@ impl Memory {
         self.areas.get(number).unwrap_or(last)
     }
 
+    /// Puts a whole program into memory area 0 to 3, and sets its size. Words past the 255th are cut off.
+    pub fn load_program(&mut self, area: usize, words: &[u32]) {
+        let area = self.area_mut(area);
+        area.erase();
+        area.write(0, words);
+        area.set_size(u8::try_from(words.len()).unwrap_or(u8::MAX));
+    }
+
     pub(super) fn area_mut(&mut self, number: usize) -> &mut Area {
         let [first, second, third, last] = &mut self.areas;
         match number {

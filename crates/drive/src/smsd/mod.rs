@@ -74,6 +74,19 @@ pub enum Event {
     Refused(Refusal),
 }
 
+/// A user program as it stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Program {
+    /// `PROGRAM_RUN`.
+    pub running: bool,
+    /// The line that runs, or ran last: `N_PROGRAM` and `N_COMMAND`.
+    pub place: Place,
+    /// How many instructions have run since power-up.
+    pub executed: u64,
+    /// The inputs that it waits for, a bit each.
+    pub waiting: u8,
+}
+
 /// A controller.
 ///
 /// # How to use one
@@ -248,6 +261,21 @@ impl Smsd {
     /// `true` when the relay is on.
     pub fn relay(&self) -> bool {
         self.relay
+    }
+
+    /// The user program as it stands.
+    pub fn program(&self) -> Program {
+        Program {
+            running: self.interpreter.is_running(),
+            place: self.interpreter.place(),
+            executed: self.interpreter.executed(),
+            waiting: self.interpreter.waiting(),
+        }
+    }
+
+    /// The levels of the inputs, a bit each.
+    pub fn inputs(&self) -> u8 {
+        self.inputs.levels()
     }
 
     /// The status word at `now`.
