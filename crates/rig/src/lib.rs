@@ -12,3 +12,4 @@ extern crate alloc;
 pub mod file;
 pub mod machine;
 pub mod mechanics;
+pub mod simulation;

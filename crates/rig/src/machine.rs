@@ -19,6 +19,8 @@ pub struct Machine {
     drive: Smsd,
     mechanics: Mechanics,
     switches: Vec<Switch>,
+    /// The signals that come from elsewhere than the switches, a bit an input.
+    signals: u8,
     /// When something next happens by itself; kept up to date so that a read costs one comparison.
     wake: Option<Instant>,
 }
@@ -32,6 +34,7 @@ impl Machine {
             drive: Smsd::power_up(Instant::ZERO, config, memory, levels),
             mechanics,
             switches,
+            signals: 0,
             wake: None,
         };
         machine.plan_wake(Instant::ZERO);
@@ -56,6 +59,15 @@ impl Machine {
         let reply = self.drive.handle(now, session, request);
         self.plan_wake(now);
         reply
+    }
+
+    /// Brings a signal to an input at `now`, or takes it away. The switches on the same input signal besides.
+    pub fn set_signal(&mut self, now: Instant, input: Input, present: bool) {
+        self.advance(now);
+        self.mechanics.follow(self.drive.rotor(now));
+        self.signals = if present { self.signals | input.bit() } else { self.signals & !input.bit() };
+        self.drive.set_input(now, input, self.level(now, input));
+        self.plan_wake(now);
     }
 
     /// When the machine next wants [`Machine::advance`] called; `None` while nothing will happen by itself.
@@ -97,10 +109,18 @@ impl Machine {
 
     /// Tells the controller the levels of the inputs that switches are wired to.
     fn signal_switches(&mut self, now: Instant) {
-        let place = self.mechanics.place(self.drive.rotor(now));
-        for switch in &self.switches {
-            self.drive.set_input(now, switch.input, level(&self.switches, switch.input, place));
+        for number in 0..self.switches.len() {
+            if let Some(input) = self.switches.get(number).map(|switch| switch.input) {
+                let level = self.level(now, input);
+                self.drive.set_input(now, input, level);
+            }
         }
+    }
+
+    /// Whether a signal is at an input at `now`.
+    fn level(&self, now: Instant, input: Input) -> bool {
+        let place = self.mechanics.place(self.drive.rotor(now));
+        self.signals & input.bit() != 0 || level(&self.switches, input, place)
     }
 
     fn plan_wake(&mut self, now: Instant) {
