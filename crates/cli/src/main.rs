@@ -1,7 +1,9 @@
 //! `stepdrive`: virtual stepper motor controllers on the wire.
 //!
-//! Results go to stdout, talk to stderr. Exit codes: 0 done; 1 the arguments or the rig file are wrong; 2 it failed.
+//! Results go to stdout, talk to stderr. Exit codes: 0 done; 1 the arguments or the rig file are wrong; 2 it failed; 9 a
+//! program has errors; 10 a file is not as it should be.
 
+mod program;
 mod rigs;
 mod up;
 
@@ -12,7 +14,10 @@ use std::process::ExitCode;
 
 /// Virtual stepper motor controllers that any client written for the real ones can use.
 #[derive(Debug, Parser)]
-#[command(version, after_help = "Exit codes: 0 done, 1 wrong arguments or rig file, 2 failed.")]
+#[command(
+    version,
+    after_help = "Exit codes: 0 done, 1 wrong arguments or rig file, 2 failed, 9 the program has errors, 10 not laid out properly."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -24,6 +29,9 @@ enum Command {
     Up(UpArgs),
     /// Print the demo rig file, commented: the starting point for one's own.
     ExampleRig,
+    /// Check, build, read, lay out and run user programs of the SMSD.
+    #[command(subcommand)]
+    Program(program::Command),
 }
 
 #[derive(Debug, clap::Args)]
@@ -45,6 +53,10 @@ enum Failure {
     Usage(String),
     /// It could not be done: exit code 2.
     Failed(String),
+    /// A program has errors, or was refused while it ran: exit code 9.
+    Program(String),
+    /// A file is not as it should be: exit code 10.
+    Differs(String),
 }
 
 fn main() -> ExitCode {
@@ -59,11 +71,14 @@ fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Up(args) => up::up(&args),
         Command::ExampleRig => print(stepdrive_rig::file::DEMO),
+        Command::Program(command) => program::program(&command),
     };
     let (message, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => (message, 1),
         Err(Failure::Failed(message)) => (message, 2),
+        Err(Failure::Program(message)) => (message, 9),
+        Err(Failure::Differs(message)) => (message, 10),
     };
     // Without a stderr there is nobody to tell.
     let _ = writeln!(io::stderr(), "stepdrive: {message}");

@@ -18,21 +18,28 @@ pub(crate) struct Rig {
 
 /// Finds and reads the rig.
 pub(crate) fn load(args: &UpArgs) -> Result<Rig, Failure> {
-    let (name, text, folder) = match &args.rig {
-        None => ("the built-in demo rig".to_owned(), DEMO.to_owned(), "demo".to_owned()),
+    let (name, file) = read(args.rig.as_deref())?;
+    let state = match (&args.state, &args.rig) {
+        (Some(state), _) => state.clone(),
+        (None, Some(path)) => state_folder()?.join(folder_name(path)),
+        (None, None) => state_folder()?.join("demo"),
+    };
+    Ok(Rig { name, file, state })
+}
+
+/// Reads a rig file, or the demo rig when there is none, and says what it is called.
+pub(crate) fn read(path: Option<&Path>) -> Result<(String, RigFile), Failure> {
+    let (name, text) = match path {
+        None => ("the built-in demo rig".to_owned(), DEMO.to_owned()),
         Some(path) => {
             let shown = path.display();
             let text = std::fs::read_to_string(path)
                 .map_err(|error| Failure::Usage(format!("cannot read the rig file {shown}: {error}")))?;
-            (shown.to_string(), text, folder_name(path))
+            (shown.to_string(), text)
         }
     };
     let file = RigFile::parse(&text).map_err(|mistake| Failure::Usage(mistake.render(&name)))?;
-    let state = match &args.state {
-        Some(state) => state.clone(),
-        None => state_folder()?.join(folder),
-    };
-    Ok(Rig { name, file, state })
+    Ok((name, file))
 }
 
 /// The platform's folder for what a program remembers.
