@@ -16,5 +16,6 @@
 #![no_std]
 
 pub mod modbus;
+pub mod smd3;
 pub mod smsd;
 pub mod time;
