@@ -306,10 +306,11 @@ impl PowerStep01 {
     /// Lets `act` change the motion, with the limits in force, and settles what follows from it.
     fn steer(&mut self, now: Instant, act: impl FnOnce(&mut Axis, &Limits)) {
         let limits = self.limits();
-        let leg_before = self.axis.leg_start();
+        // A motion may start at the very instant at which the one before it ended.
+        let (leg_before, stood) = (self.axis.leg_start(), self.standing(now));
         let full_steps = self.full_steps(now);
         act(&mut self.axis, &limits);
-        if self.axis.leg_start() != leg_before {
+        if stood || self.axis.leg_start() != leg_before {
             self.full_steps_before = full_steps;
         }
         let phase = self.axis.phase(now);

@@ -62,20 +62,29 @@ impl Programs {
     /// The procedure that the registers ask for, with a program running in `executing`.
     ///
     /// # Errors
-    /// `ServerDeviceBusy` while another one works or when it would change the running program; `IllegalDataValue` when an area, a line, a count, a size or an
-    /// instruction in the buffer is not valid.
+    /// `IllegalDataValue` when an area, a line, a count, a size or an instruction in the buffer is not valid; else
+    /// `ServerDeviceBusy` while another one works or when it would change the running program.
     pub(super) fn plan(&self, executing: Option<u8>) -> Result<Procedure, Exception> {
-        let registers = &self.registers;
-        if self.procedure.is_some() {
+        let procedure = self.requested()?;
+        let changed = match procedure {
+            Procedure::Read { .. } | Procedure::ReadSize { .. } => None,
+            Procedure::Write { area, .. } | Procedure::Erase { area } | Procedure::WriteSize { area, .. } => {
+                Some(area)
+            }
+        };
+        let changes_running = changed.is_some() && changed == executing.map(usize::from);
+        if self.procedure.is_some() || changes_running {
             return Err(Exception::ServerDeviceBusy);
         }
+        Ok(procedure)
+    }
+
+    /// The procedure that the registers ask for, whatever goes on.
+    fn requested(&self) -> Result<Procedure, Exception> {
+        let registers = &self.registers;
         let area = usize::from(registers.n_prog);
         if area >= PROGRAM_AREAS {
             return Err(Exception::IllegalDataValue);
-        }
-        let changes = matches!(registers.mem_cmd, 1 | 2 | 4);
-        if changes && executing.is_some_and(|executing| usize::from(executing) == area) {
-            return Err(Exception::ServerDeviceBusy);
         }
         match registers.mem_cmd {
             0 => sector(registers).map(|(first, count)| Procedure::Read { area, first, count }),

@@ -4,7 +4,7 @@
 //! refused before anything has changed, or carried out whole.
 
 use super::memory::Record;
-use super::powerstep01::PowerStep01;
+use super::powerstep01::{Parameters, PowerStep01};
 use super::{Session, Smsd, WordOrder};
 use stepdrive_spec::modbus::{Bits, Exception, Table, Words};
 use stepdrive_spec::smsd::instructions::Opcode;
@@ -27,8 +27,11 @@ struct Span {
 impl Span {
     /// The number within the row, and the half of a 32-bit value, at each of the span's addresses.
     fn places(self) -> impl Iterator<Item = Place> {
-        let width = self.row.kind.width();
-        (self.offset..self.offset + self.count).map(move |at| Place { index: at / width, half: at % width })
+        let halves = self.row.kind.width() == 2;
+        let place = move |at| {
+            if halves { Place { index: at / 2, half: at % 2 } } else { Place { index: at, half: 0 } }
+        };
+        (self.offset..self.offset + self.count).map(place)
     }
 }
 
@@ -40,26 +43,27 @@ struct Place {
 }
 
 /// Walks the rows under `count` addresses from `address`. The last item is an error when one of them is not listed.
-fn spans(table: Table, address: u16, count: u16) -> impl Iterator<Item = Result<Span, Exception>> {
-    let start = REGISTERS.partition_point(|row| (row.table, row.end()) <= (table, address));
-    let mut rows = REGISTERS.iter().skip(start);
-    let mut next = u32::from(address);
+/// Looking for the first row is most of the work: a walk that is needed again is cloned.
+fn spans(table: Table, address: u16, count: u16) -> impl Iterator<Item = Result<Span, Exception>> + Clone {
+    let key = |table: Table, address: u16| (table as u32) << 16 | u32::from(address);
+    let behind = REGISTERS.partition_point(|row| key(row.table, row.address) <= key(table, address));
+    let mut rows = REGISTERS.get(behind.saturating_sub(1)..).unwrap_or(&[]).iter();
+    let mut next = address;
     let mut left = count;
     core::iter::from_fn(move || {
         if left == 0 {
             return None;
         }
-        let within = |row: &&Register| {
-            row.table == table && u32::from(row.address) <= next && next < u32::from(row.end())
-        };
-        let Some((row, at)) = rows.next().filter(within).zip(u16::try_from(next).ok()) else {
+        let within = |row: &&Register| row.table == table && (row.address..row.end()).contains(&next);
+        let Some(row) = rows.next().filter(within) else {
             left = 0;
             return Some(Err(Exception::IllegalDataAddress));
         };
-        let taken = left.min(row.end() - at);
+        let taken = left.min(row.end() - next);
+        let span = Span { row, offset: next - row.address, count: taken };
         left -= taken;
-        next += u32::from(taken);
-        Some(Ok(Span { row, offset: at - row.address, count: taken }))
+        next += taken;
+        Some(Ok(span))
     })
 }
 
@@ -111,11 +115,12 @@ impl Smsd {
         address: u16,
         values: &Bits,
     ) -> Result<(), Exception> {
-        for span in spans(Table::Coils, address, values.len()) {
+        let spans = spans(Table::Coils, address, values.len());
+        for span in spans.clone() {
             writable(span?.row, session)?;
         }
         let mut rest = values.iter();
-        for span in spans(Table::Coils, address, values.len()).flatten() {
+        for span in spans.flatten() {
             for (_, value) in span.places().zip(&mut rest) {
                 self.write_coil(now, span.row.id, value);
             }
@@ -133,12 +138,13 @@ impl Smsd {
         values: &[u16],
     ) -> Result<(), Exception> {
         let count = u16::try_from(values.len()).unwrap_or(u16::MAX);
-        for span in spans(Table::HoldingRegisters, address, count) {
+        let spans = spans(Table::HoldingRegisters, address, count);
+        for span in spans.clone() {
             writable(span?.row, session)?;
         }
         let mut action = None;
         let mut state_allows = true;
-        for (span, part) in parts(address, count, values) {
+        for (span, part) in parts(spans.clone(), values) {
             self.check_values(session, span, part)?;
             state_allows &= self.state_allows(now, span.row.writable);
             if matches!(span.row.id, Reg::Cmd | Reg::PasswordCmd | Reg::MemCmd) {
@@ -149,10 +155,18 @@ impl Smsd {
             return Err(Exception::ServerDeviceBusy);
         }
         let before = self.programs.registers;
-        for (span, part) in parts(address, count, values) {
+        let mut parameters = None;
+        for (span, part) in parts(spans, values) {
             for (place, value) in span.places().zip(part) {
-                self.take_word(now, session, span.row, place, *value);
+                if let Some(parameter) = self.parameter(&mut parameters, span.row.id) {
+                    *parameter = *value;
+                } else {
+                    self.take_word(now, session, span.row, place, *value);
+                }
             }
+        }
+        if let Some(parameters) = parameters {
+            self.motor.set_parameters(now, |chip| *chip = parameters);
         }
         let Some((id, value)) = action else { return Ok(()) };
         self.act(now, session, id, value).inspect_err(|_| self.programs.registers = before)
@@ -240,18 +254,29 @@ impl Smsd {
         self.network_configured = true;
     }
 
-    /// Takes a checked word into its place. The registers that act are not data: see [`Smsd::act`].
+    /// The parameter of the motor chip that a register holds; `None` for any other register. All that one request
+    /// writes are collected in `changed`, so that the chip takes them at once and plans its motion anew once.
+    #[allow(clippy::wildcard_enum_match_arm, reason = "a test writes and reads back every holding register")]
+    fn parameter<'a>(&self, changed: &'a mut Option<Parameters>, id: Reg) -> Option<&'a mut u16> {
+        let choose: fn(&mut Parameters) -> &mut u16 = match id {
+            Reg::MinSpeed => |chip| &mut chip.min_speed,
+            Reg::MaxSpeed => |chip| &mut chip.max_speed,
+            Reg::Acc => |chip| &mut chip.acc,
+            Reg::Dec => |chip| &mut chip.dec,
+            Reg::FsSpeed => |chip| &mut chip.fs_speed,
+            _ => return None,
+        };
+        Some(choose(changed.get_or_insert(*self.motor.parameters())))
+    }
+
+    /// Takes a checked word into its place. The parameters of the motor chip are taken together: see
+    /// [`Smsd::parameter`]. The registers that act are not data: see [`Smsd::act`].
     #[allow(clippy::wildcard_enum_match_arm, reason = "a test writes and reads back every holding register")]
     fn take_word(&mut self, now: Instant, session: &mut Session, row: &Register, place: Place, word: u16) {
         let low_byte = word.to_le_bytes()[0];
         let index = usize::from(place.index);
         let shift = self.shift(row, place.half);
         match row.id {
-            Reg::MinSpeed => self.motor.set_parameters(now, |chip| chip.min_speed = word),
-            Reg::MaxSpeed => self.motor.set_parameters(now, |chip| chip.max_speed = word),
-            Reg::Acc => self.motor.set_parameters(now, |chip| chip.acc = word),
-            Reg::Dec => self.motor.set_parameters(now, |chip| chip.dec = word),
-            Reg::FsSpeed => self.motor.set_parameters(now, |chip| chip.fs_speed = word),
             Reg::TargetSpeed => self.registers.target_speed = word,
             Reg::TargetPos => {
                 let value = replace_word(self.registers.target_pos.cast_unsigned(), shift, word);
@@ -388,9 +413,12 @@ impl Smsd {
 }
 
 /// The rows of a checked write, each with the values that fall on it.
-fn parts(address: u16, count: u16, values: &[u16]) -> impl Iterator<Item = (Span, &[u16])> {
+fn parts(
+    spans: impl Iterator<Item = Result<Span, Exception>>,
+    values: &[u16],
+) -> impl Iterator<Item = (Span, &[u16])> {
     let mut rest = values;
-    spans(Table::HoldingRegisters, address, count).flatten().map_while(move |span| {
+    spans.flatten().map_while(move |span| {
         let (part, behind) = rest.split_at_checked(usize::from(span.count))?;
         rest = behind;
         Some((span, part))
