@@ -10,7 +10,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 use core::net::SocketAddr;
-use core::ops::Range;
+use core::ops::{Range, RangeInclusive};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
 use stepdrive_drive::smsd::{Config, Memory, WordOrder};
@@ -38,13 +38,12 @@ pub struct RigFile {
 #[serde(deny_unknown_fields)]
 pub struct RigSection {
     /// How rig time passes.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "clock")]
     pub clock: ClockMode,
 }
 
 /// How rig time passes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClockMode {
     /// As fast as time does.
     #[default]
@@ -61,6 +60,7 @@ pub struct DriveSection {
     #[serde(deserialize_with = "model")]
     pub model: Model,
     /// Where it listens for Modbus TCP; port 0 takes a free one.
+    #[serde(deserialize_with = "address")]
     pub modbus_tcp: Spanned<SocketAddr>,
     /// The order of the two words of a 32-bit value.
     #[serde(default, deserialize_with = "word_order")]
@@ -69,6 +69,7 @@ pub struct DriveSection {
     #[serde(default)]
     pub autonomous: bool,
     /// `MODE_N_PROGRAMS` as set at the front panel, 0 to 3; without it the controller keeps the one it remembers.
+    #[serde(default, deserialize_with = "mode_n_programs")]
     pub mode_n_programs: Option<Spanned<u8>>,
     /// The motor.
     #[serde(default)]
@@ -86,18 +87,18 @@ pub struct DriveSection {
 #[serde(deny_unknown_fields)]
 pub struct MotorSection {
     /// Full steps in a turn, 1 to 10 000.
-    #[serde(default = "steps_per_rev")]
+    #[serde(default = "usual_steps_per_rev", deserialize_with = "steps_per_rev")]
     pub steps_per_rev: Spanned<u32>,
 }
 
 impl Default for MotorSection {
     fn default() -> MotorSection {
-        MotorSection { steps_per_rev: steps_per_rev() }
+        MotorSection { steps_per_rev: usual_steps_per_rev() }
     }
 }
 
 /// A 1.8° motor.
-fn steps_per_rev() -> Spanned<u32> {
+fn usual_steps_per_rev() -> Spanned<u32> {
     Spanned::new(0..0, 200)
 }
 
@@ -106,6 +107,7 @@ fn steps_per_rev() -> Spanned<u32> {
 #[serde(deny_unknown_fields)]
 pub struct MechanicsSection {
     /// The hard ends, in full steps; none by default.
+    #[serde(default, deserialize_with = "travel")]
     pub travel: Option<Spanned<[f64; 2]>>,
     /// Where the carriage stands at power-up, in full steps; 0 by default.
     pub start: Option<Spanned<f64>>,
@@ -119,6 +121,7 @@ pub struct SwitchSection {
     #[serde(deserialize_with = "input")]
     pub input: Input,
     /// From where to where it is closed, in full steps.
+    #[serde(deserialize_with = "interval")]
     pub closed: Spanned<[f64; 2]>,
 }
 
@@ -128,6 +131,10 @@ fn model<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Model, D::Error> 
 
 fn input<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Input, D::Error> {
     named(deserializer, "input", Input::from_name, &Input::ALL.map(Input::name))
+}
+
+fn clock<'de, D: Deserializer<'de>>(deserializer: D) -> Result<ClockMode, D::Error> {
+    named(deserializer, "clock", |name| (name == "real").then_some(ClockMode::Real), &["real"])
 }
 
 fn word_order<'de, D: Deserializer<'de>>(deserializer: D) -> Result<WordOrder, D::Error> {
@@ -148,8 +155,54 @@ fn named<'de, D: Deserializer<'de>, T>(
 ) -> Result<T, D::Error> {
     let name = String::deserialize(deserializer)?;
     find(&name).ok_or_else(|| {
-        D::Error::custom(format!("{what} `{name}` is unknown; it is one of {}", names.join(", ")))
+        let allowed = if names.len() > 1 { "one of " } else { "" };
+        D::Error::custom(format!("{what} `{name}` is unknown; it is {allowed}{}", names.join(", ")))
     })
+}
+
+fn mode_n_programs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<u8>>, D::Error> {
+    whole(deserializer, "mode_n_programs", 0..=3).map(Some)
+}
+
+fn steps_per_rev<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Spanned<u32>, D::Error> {
+    whole(deserializer, "steps_per_rev", 1..=10_000)
+}
+
+/// Reads a whole number within a range.
+fn whole<'de, D: Deserializer<'de>, T: TryFrom<i64>>(
+    deserializer: D,
+    key: &str,
+    range: RangeInclusive<i64>,
+) -> Result<Spanned<T>, D::Error> {
+    let number = Spanned::<i64>::deserialize(deserializer)?;
+    let value = *number.get_ref();
+    let within = range.contains(&value).then_some(value).and_then(|value| T::try_from(value).ok());
+    let within = within.ok_or_else(|| {
+        D::Error::custom(format!("{key} is {value}; it is {} to {}", range.start(), range.end()))
+    })?;
+    Ok(Spanned::new(number.span(), within))
+}
+
+fn travel<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<[f64; 2]>>, D::Error> {
+    interval(deserializer).map(Some)
+}
+
+/// Reads two numbers. An array would take more than two, too.
+fn interval<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Spanned<[f64; 2]>, D::Error> {
+    let numbers = Spanned::<Vec<f64>>::deserialize(deserializer)?;
+    let both = <[f64; 2]>::try_from(numbers.get_ref().as_slice()).map_err(|_| {
+        D::Error::custom(format!("two numbers are wanted, from and to; here are {}", numbers.get_ref().len()))
+    })?;
+    Ok(Spanned::new(numbers.span(), both))
+}
+
+fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Spanned<SocketAddr>, D::Error> {
+    let text = Spanned::<String>::deserialize(deserializer)?;
+    let address = text.get_ref().parse().map_err(|_| {
+        let text = text.get_ref();
+        D::Error::custom(format!("`{text}` is no IP address with a port, as in 127.0.0.1:5020"))
+    })?;
+    Ok(Spanned::new(text.span(), address))
 }
 
 /// A mistake in a rig file.
@@ -210,6 +263,30 @@ impl fmt::Display for RigFileError {
 
 impl core::error::Error for RigFileError {}
 
+/// How the library that reads the file words what is wrong, and how a person would.
+const WORDING: [(&str, &str); 8] = [
+    ("duplicate key", "this field is there already"),
+    ("invalid type: map", "found a table"),
+    ("invalid type: sequence", "found a list"),
+    ("invalid type: ", "found "),
+    ("floating point", "number"),
+    ("expected i64", "expected a whole number"),
+    ("expected f64", "expected a number"),
+    ("expected a boolean", "expected true or false"),
+];
+
+/// A message about the form of the file, in plain words.
+fn reworded(message: &str) -> String {
+    let mut text = message.trim_end().to_string();
+    if text == "invalid type: map, expected a sequence" {
+        return "found one table where there may be several; its name stands in double brackets".to_string();
+    }
+    for (theirs, plain) in WORDING {
+        text = text.replacen(theirs, plain, 1);
+    }
+    text.replace("expected a sequence", "expected a list")
+}
+
 /// The farthest place on a travel that a rig file may name, in full steps.
 const FARTHEST: f64 = 1e9;
 
@@ -219,8 +296,9 @@ impl RigFile {
     /// # Errors
     /// The first mistake found, with its place in `text`.
     pub fn parse(text: &str) -> Result<RigFile, RigFileError> {
+        let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
         let file: RigFile = toml::from_str(text)
-            .map_err(|error| RigFileError::new(text, error.span(), error.message().trim_end().to_string()))?;
+            .map_err(|error| RigFileError::new(text, error.span(), reworded(error.message())))?;
         let at = |span: Range<usize>, message: String| Err(RigFileError::new(text, Some(span), message));
         if file.drives.is_empty() {
             let message = "the rig has no drive; begin one with [[drive]]".to_string();
@@ -276,16 +354,12 @@ impl DriveSection {
 
     fn check(&self) -> Result<(), Mistake> {
         check_name(&self.name)?;
-        let steps = self.motor.steps_per_rev.get_ref();
-        if !(1..=10_000).contains(steps) {
-            let message = format!("steps_per_rev is {steps}; it is 1 to 10000");
-            return Err((self.motor.steps_per_rev.span(), message));
-        }
-        if let Some(number) = self.mode_n_programs.as_ref().filter(|number| *number.get_ref() > 3) {
-            return Err((number.span(), format!("mode_n_programs is {}; it is 0 to 3", number.get_ref())));
-        }
         if let Some(travel) = &self.mechanics.travel {
             check_interval(travel, "travel")?;
+            if Travel::between(*travel.get_ref()).is_none() {
+                let message = "travel is narrower than 1/256 of a full step; nothing could move".to_string();
+                return Err((travel.span(), message));
+            }
         }
         if let Some(start) = &self.mechanics.start {
             self.check_start(start)?;
@@ -308,7 +382,11 @@ impl DriveSection {
         if place >= low && place <= high {
             return Ok(());
         }
-        Err((start.span(), format!("start {place:?} is not within the travel, {low:?} to {high:?}")))
+        let message = match &self.mechanics.travel {
+            Some(_) => format!("start {place:?} is not within the travel, {low:?} to {high:?}"),
+            None => format!("start is {place:?}; it is within ±1e9 full steps"),
+        };
+        Err((start.span(), message))
     }
 }
 

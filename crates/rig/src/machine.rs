@@ -11,9 +11,9 @@ use stepdrive_spec::time::Instant;
 ///
 /// # How to use one
 ///
-/// Calls carry the time, which must not run backward. [`Machine::handle`] takes a request and first brings the machine
-/// up to its time; [`Machine::next_wake`] and [`Machine::advance`] let time pass without one. Events, and memory to be
-/// stored, are fetched from [`Machine::drive_mut`] after each call.
+/// Calls carry the time, which must not run backward. [`Machine::handle`] takes a request and [`Machine::set_signal`] a
+/// signal; both first bring the machine up to their time. [`Machine::next_wake`] and [`Machine::advance`] let time pass
+/// without either. Events, and memory to be stored, are fetched from [`Machine::drive_mut`] after each call.
 #[derive(Clone, Debug)]
 pub struct Machine {
     drive: Smsd,
@@ -75,14 +75,13 @@ impl Machine {
         self.wake
     }
 
-    /// Lets everything happen that is due up to `now`, each thing at its own instant: the motion first, then the
-    /// switches that it moved.
+    /// Lets everything happen that is due up to `now`, each thing at its own instant: first the switches that the motion
+    /// has come to, then what the controller does, so that a program whose move ends on a switch sees it.
     pub fn advance(&mut self, now: Instant) {
         while let Some(at) = self.wake.filter(|at| *at <= now) {
             self.mechanics.follow(self.drive.rotor(at));
-            self.drive.handle_wake(at);
-            self.mechanics.follow(self.drive.rotor(at));
             self.signal_switches(at);
+            self.drive.handle_wake(at);
             self.plan_wake(at);
         }
     }

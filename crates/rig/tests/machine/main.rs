@@ -1,0 +1,7 @@
+//! Controllers with their mechanics and switches on a virtual clock.
+
+mod bench;
+mod ends;
+mod homing;
+mod scripts;
+mod switches;
