@@ -2,6 +2,10 @@
 //!
 //! cargo-fuzz calls them with bytes it makes up (`fuzz_targets/`), and `tests/replay.rs` with those kept in `corpus/`.
 
+mod smsd;
+
+pub use smsd::smsd_drive;
+
 use stepdrive_proto::modbus::{
     Adu, Frame, MAX_ADU, ReplyError, Split, decode_reply, decode_request, encode_refusal, encode_reply,
     encode_request, split,
@@ -17,6 +21,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("instruction_word", instruction_word),
     ("modbus_client_bytes", modbus_client_bytes),
     ("modbus_server_bytes", modbus_server_bytes),
+    ("smsd_drive", smsd_drive),
 ];
 
 /// Words of user programs, 4 bytes each, low byte first: a word that is an instruction is that instruction's word.
