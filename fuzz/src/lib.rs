@@ -2,8 +2,10 @@
 //!
 //! cargo-fuzz calls them with bytes it makes up (`fuzz_targets/`), and `tests/replay.rs` with those kept in `corpus/`.
 
+mod smd3;
 mod smsd;
 
+pub use smd3::smd3_lines;
 pub use smsd::smsd_drive;
 
 use stepdrive_proto::modbus::{
@@ -21,6 +23,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("instruction_word", instruction_word),
     ("modbus_client_bytes", modbus_client_bytes),
     ("modbus_server_bytes", modbus_server_bytes),
+    ("smd3_lines", smd3_lines),
     ("smsd_drive", smsd_drive),
 ];
 

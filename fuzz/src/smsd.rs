@@ -142,7 +142,7 @@ fn chunk<'a, const N: usize>(rest: &mut &'a [u8]) -> Option<&'a [u8; N]> {
 
 /// A drive on its stage, with two connections and the time.
 struct Stage {
-    machine: Machine,
+    machine: Machine<Smsd>,
     session: Session,
     other: Session,
     now: Instant,
@@ -154,7 +154,9 @@ impl Stage {
             Config { model: Model::Smsd42, word_order: WordOrder::LowFirst, port: 502, autonomous: true };
         let switches = SWITCHES.iter().filter_map(|(input, closed)| Switch::new(*input, *closed)).collect();
         let mechanics = Mechanics::new(Travel::between(TRAVEL), 0.0);
-        let machine = Machine::power_up(config, Memory::factory(), mechanics, switches);
+        let machine = Machine::power_up(mechanics, switches, |signals| {
+            Smsd::power_up(Instant::ZERO, config, Memory::factory(), signals.to_le_bytes()[0])
+        });
         let mut stage = Stage { machine, session: Session::new(), other: Session::new(), now: Instant::ZERO };
         for _ in 0..2 {
             let values = [0xCDEF, 0x89AB, 0x4567, 0x0123, 0].into_iter().collect();

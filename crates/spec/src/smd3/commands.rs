@@ -3,6 +3,7 @@
 
 use super::errors::Error;
 use super::flags::Flags;
+use super::text::Text;
 use core::fmt;
 
 /// The type of an argument, and of the value answered (manual, *Argument types*).
@@ -22,6 +23,20 @@ pub enum Kind {
     Sign,
     /// STRING that is only read.
     Text,
+}
+
+impl Kind {
+    /// Its name in the manual; empty for [`Kind::None`].
+    pub const fn name(self) -> &'static str {
+        match self {
+            Kind::None => "",
+            Kind::Int => "INT",
+            Kind::Uint => "UINT",
+            Kind::Float => "FLOAT",
+            Kind::Bool => "BOOL",
+            Kind::Sign | Kind::Text => "STRING",
+        }
+    }
 }
 
 /// What can be done with a command.
@@ -60,9 +75,14 @@ impl Mode {
     pub const ALL: [Mode; 6] =
         [Mode::StepDirection, Mode::TriggeredVelocity, Mode::Remote, Mode::Joystick, Mode::Bake, Mode::Home];
 
+    /// Its number.
+    pub const fn number(self) -> u8 {
+        self as u8
+    }
+
     /// The mode with this number.
     pub fn from_number(number: u32) -> Option<Mode> {
-        Mode::ALL.into_iter().find(|mode| u32::from(*mode as u8) == number)
+        Mode::ALL.into_iter().find(|mode| u32::from(mode.number()) == number)
     }
 
     /// ASSUMED, but for `Remote`: the name that is answered behind the number, as the manual's list prints it.
@@ -343,7 +363,7 @@ pub enum Value {
     /// STRING `+` (`true`) or `-`.
     Sign(bool),
     /// STRING that is only answered.
-    Text(&'static str),
+    Text(Text),
     /// A mode, answered as its number and name.
     Mode(Mode),
     /// The table of flags, made of the flags of the reply.

@@ -14,6 +14,13 @@ pub struct FlagInfo {
     pub about: &'static str,
 }
 
+impl FlagInfo {
+    /// Whether it is in a set.
+    pub const fn is_in(&self, bits: FlagBits) -> bool {
+        bits & 1 << self.bit != 0
+    }
+}
+
 macro_rules! flags {
     ($(#[doc = $doc:literal])+ $enum:ident, $table:ident, $count:literal: $($(#[doc = $about:literal])+ $flag:ident = $bit:literal, $name:literal;)+) => {
         $(#[doc = $doc])+

@@ -7,4 +7,5 @@ pub mod commands;
 pub mod errors;
 pub mod flags;
 pub mod signals;
+pub mod text;
 pub mod units;

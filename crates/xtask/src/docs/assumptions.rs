@@ -1,12 +1,13 @@
 //! `docs/assumptions.md`: everything that nobody knows, collected from where it was decided.
 //!
 //! A comment assumes something when it has the bare word `ASSUMED` in it. Written in backticks or in bold, as here, the
-//! word only speaks of the mark. Notes of the register map are read from the table.
+//! word only speaks of the mark. Notes of the register map and of the table of commands are read from the tables.
 
 use super::page;
 use crate::Outcome;
 use crate::workspace::{Workspace, is_rust};
 use std::fmt::Write;
+use stepdrive_spec::smd3::commands::COMMANDS;
 use stepdrive_spec::smsd::registers::REGISTERS;
 
 const MARK: &str = "ASSUMED";
@@ -35,6 +36,10 @@ pub(super) fn page(workspace: &Workspace) -> Outcome<String> {
     text.push_str("\n## `crates/spec/src/smsd/registers.rs`, notes of the register map\n\n");
     for row in REGISTERS.iter().filter(|row| row.note.contains(MARK)) {
         let _ = writeln!(text, "- `{}` ({:04X}): {}", row.name, row.address, row.note);
+    }
+    text.push_str("\n## `crates/spec/src/smd3/commands.rs`, notes of the table of commands\n\n");
+    for row in COMMANDS.iter().filter(|row| row.note.contains(MARK)) {
+        let _ = writeln!(text, "- `{}`: {}", row.mnemonic, row.note);
     }
     for file in workspace.files()?.iter().filter(|file| is_scanned(file)) {
         let found = assumptions(&workspace.read(file)?);

@@ -5,6 +5,7 @@ mod instructions;
 mod motors;
 mod page;
 mod registers;
+mod smd3;
 
 use crate::Outcome;
 use crate::workspace::Workspace;
@@ -12,11 +13,12 @@ use crate::workspace::Workspace;
 /// A page: its path, and its text.
 type Page = (&'static str, String);
 
-fn pages(workspace: &Workspace) -> Outcome<[Page; 4]> {
+fn pages(workspace: &Workspace) -> Outcome<[Page; 5]> {
     Ok([
         ("docs/registers.md", registers::page()),
         ("docs/instructions.md", instructions::page()),
         ("docs/motors.md", motors::page()),
+        ("docs/smd3-commands.md", smd3::page()),
         ("docs/assumptions.md", assumptions::page(workspace)?),
     ])
 }
