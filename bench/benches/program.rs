@@ -5,7 +5,6 @@
 
 use std::time::{Duration, Instant};
 use stepdrive_rig::file::{DEMO, RigFile};
-use stepdrive_rig::machine::Machine;
 use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
 
 /// Odd, so that there is a median.
@@ -40,10 +39,11 @@ fn main() {
 fn measure(program: &[u32], time: Duration) -> (u64, Duration) {
     let rig = RigFile::parse(DEMO).expect("the demo rig is valid");
     let drive = rig.drives.first().expect("the demo rig has a drive");
+    let section = drive.smsd().expect("and it is an SMSD");
     let mut walls = [Duration::ZERO; ROUNDS];
     let mut executed = 0;
     for wall in &mut walls {
-        let mut machine: Machine = drive.start_program([program, &[], &[], &[]], 0);
+        let mut machine = section.start_program(drive, [program, &[], &[], &[]], 0);
         let start = now();
         machine.advance(stepdrive_spec::time::Instant::ZERO + time);
         *wall = start.elapsed();

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 use stepdrive_asm::{Image, SourceFile, assemble};
+use stepdrive_drive::smsd::Smsd;
 use stepdrive_rig::file::{DEMO, RigFile};
 use stepdrive_rig::machine::Machine;
 use stepdrive_rig::simulation::{End, Signal, Simulation, State, Step, What};
@@ -19,9 +20,10 @@ fn image(example: &str) -> Image {
     assemble(&SourceFile::new(example, text)).image.expect("the example has no errors")
 }
 
-fn machine(rig: &str, image: &Image) -> Machine {
+fn machine(rig: &str, image: &Image) -> Machine<Smsd> {
     let rig = RigFile::parse(rig).expect("a valid rig");
-    rig.drives[0].start_program(std::array::from_fn(|memory| image.area(memory)), 0)
+    let drive = &rig.drives[0];
+    drive.smsd().expect("an SMSD").start_program(drive, std::array::from_fn(|memory| image.area(memory)), 0)
 }
 
 fn at(seconds: f64) -> Instant {
@@ -168,7 +170,7 @@ fn retry_is_content_with_a_confirmed_part() {
 
 /// Two machines whose relays are wired to each other's CONTINUE input.
 struct Pair {
-    axes: [Machine; 2],
+    axes: [Machine<Smsd>; 2],
     now: Instant,
 }
 

@@ -7,4 +7,6 @@
 //! `no_std`, allocates nothing.
 #![no_std]
 
+pub mod controller;
+pub mod smd3;
 pub mod smsd;

@@ -2,45 +2,30 @@
 
 use crate::mechanics::{Mechanics, Switch};
 use alloc::vec::Vec;
-use stepdrive_drive::smsd::{Config, Memory, Session, Smsd};
+use stepdrive_drive::controller::{Controller, ROTOR_UNITS, Signal};
+use stepdrive_drive::smsd::{Session, Smsd};
 use stepdrive_spec::modbus::{Exception, Reply, Request};
-use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::time::Instant;
 
-/// A controller with its motor, mechanics and switches.
+/// A controller of either family with its motor, mechanics and switches.
 ///
 /// # How to use one
 ///
-/// Calls carry the time, which must not run backward. [`Machine::handle`] takes a request and [`Machine::set_signal`] a
+/// Calls carry the time, which must not run backward. `handle` takes a request and [`Machine::set_signal`] a
 /// signal; both first bring the machine up to their time. [`Machine::next_wake`] and [`Machine::advance`] let time pass
 /// without either. Events, and memory to be stored, are fetched from [`Machine::drive_mut`] after each call.
 #[derive(Clone, Debug)]
-pub struct Machine {
-    drive: Smsd,
+pub struct Machine<C: Controller> {
+    drive: C,
     mechanics: Mechanics,
-    switches: Vec<Switch>,
-    /// The signals that come from elsewhere than the switches, a bit an input.
-    signals: u8,
+    switches: Vec<Switch<C::Signal>>,
+    /// The signals that come from elsewhere than the switches, a bit each.
+    signals: u16,
     /// When something next happens by itself; kept up to date so that a read costs one comparison.
     wake: Option<Instant>,
 }
 
-impl Machine {
-    /// Switches a machine on.
-    pub fn power_up(config: Config, memory: Memory, mechanics: Mechanics, switches: Vec<Switch>) -> Machine {
-        let signals = Input::ALL.into_iter().filter(|input| level(&switches, *input, mechanics.place(0)));
-        let levels = signals.fold(0, |bits, input| bits | input.bit());
-        let mut machine = Machine {
-            drive: Smsd::power_up(Instant::ZERO, config, memory, levels),
-            mechanics,
-            switches,
-            signals: 0,
-            wake: None,
-        };
-        machine.plan_wake(Instant::ZERO);
-        machine
-    }
-
+impl Machine<Smsd> {
     /// Answers a request at `now`.
     ///
     /// # Errors
@@ -60,13 +45,29 @@ impl Machine {
         self.plan_wake(now);
         reply
     }
+}
+
+impl<C: Controller> Machine<C> {
+    /// Switches a machine on: `drive` makes the controller from the signals that the switches give it, a bit each.
+    pub fn power_up(
+        mechanics: Mechanics,
+        switches: Vec<Switch<C::Signal>>,
+        drive: impl FnOnce(u16) -> C,
+    ) -> Machine<C> {
+        let closed = switches.iter().filter(|switch| switch.closed(mechanics.place(0)));
+        let signals = closed.fold(0, |bits, switch| bits | switch.input.bit());
+        let mut machine = Machine { drive: drive(signals), mechanics, switches, signals: 0, wake: None };
+        machine.plan_wake(Instant::ZERO);
+        machine
+    }
 
     /// Brings a signal to an input at `now`, or takes it away. The switches on the same input signal besides.
-    pub fn set_signal(&mut self, now: Instant, input: Input, present: bool) {
+    pub fn set_signal(&mut self, now: Instant, input: C::Signal, present: bool) {
         self.advance(now);
         self.mechanics.follow(self.drive.rotor(now));
         self.signals = if present { self.signals | input.bit() } else { self.signals & !input.bit() };
-        self.drive.set_input(now, input, self.level(now, input));
+        let level = self.level(now, input);
+        self.drive.set_signal(now, input, level);
         self.plan_wake(now);
     }
 
@@ -87,18 +88,18 @@ impl Machine {
     }
 
     /// The controller.
-    pub fn drive(&self) -> &Smsd {
+    pub fn drive(&self) -> &C {
         &self.drive
     }
 
     /// The controller, to fetch events and unsaved memory from.
-    pub fn drive_mut(&mut self) -> &mut Smsd {
+    pub fn drive_mut(&mut self) -> &mut C {
         &mut self.drive
     }
 
     /// Where the carriage is at `now`, in full steps on its travel.
     pub fn carriage(&self, now: Instant) -> f64 {
-        self.mechanics.place(self.drive.rotor(now)) as f64 / Smsd::ROTOR_UNITS as f64
+        self.mechanics.place(self.drive.rotor(now)) as f64 / ROTOR_UNITS as f64
     }
 
     /// Whether the rotor is being driven against an end of the travel at `now`.
@@ -111,27 +112,22 @@ impl Machine {
         for number in 0..self.switches.len() {
             if let Some(input) = self.switches.get(number).map(|switch| switch.input) {
                 let level = self.level(now, input);
-                self.drive.set_input(now, input, level);
+                self.drive.set_signal(now, input, level);
             }
         }
     }
 
     /// Whether a signal is at an input at `now`.
-    fn level(&self, now: Instant, input: Input) -> bool {
+    fn level(&self, now: Instant, input: C::Signal) -> bool {
         let place = self.mechanics.place(self.drive.rotor(now));
-        self.signals & input.bit() != 0 || level(&self.switches, input, place)
+        let closed = |switch: &Switch<C::Signal>| switch.input == input && switch.closed(place);
+        self.signals & input.bit() != 0 || self.switches.iter().any(closed)
     }
 
     fn plan_wake(&mut self, now: Instant) {
         let rotor = self.drive.rotor(now);
         let edge = self.mechanics.next_edge(&self.switches, rotor, self.drive.direction());
         let switch = edge.and_then(|place| self.drive.when_rotor_reaches(place));
-        let drive = self.drive.next_wake().map(|(at, _)| at);
-        self.wake = [drive, switch].into_iter().flatten().min();
+        self.wake = [self.drive.next_wake(), switch].into_iter().flatten().min();
     }
-}
-
-/// Whether a switch on `input` is closed with the carriage at `place`.
-fn level(switches: &[Switch], input: Input, place: i64) -> bool {
-    switches.iter().any(|switch| switch.input == input && switch.closed(place))
 }

@@ -1,11 +1,10 @@
 //! What the rotor moves: a carriage on a travel, and the switches along it.
 //!
-//! Places are whole numbers of [`Smsd::ROTOR_UNITS`] to the full step, the finest microstep of either family of
+//! Places are whole numbers of [`ROTOR_UNITS`] to the full step, the finest microstep of either family of
 //! controllers, so that every microstep is represented exactly.
 
-use stepdrive_drive::smsd::Smsd;
+use stepdrive_drive::controller::ROTOR_UNITS;
 use stepdrive_motion::Direction;
-use stepdrive_spec::smsd::inputs::Input;
 
 /// A travel with hard ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,16 +22,16 @@ impl Travel {
 
 /// A switch that is closed along part of the travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Switch {
+pub struct Switch<S> {
     /// The input it is wired to.
-    pub input: Input,
+    pub input: S,
     low: i64,
     high: i64,
 }
 
-impl Switch {
+impl<S> Switch<S> {
     /// A switch closed between two places in full steps, both included; `None` when no microstep lies between them.
-    pub fn new(input: Input, closed: [f64; 2]) -> Option<Switch> {
+    pub fn new(input: S, closed: [f64; 2]) -> Option<Switch<S>> {
         interval(closed).map(|(low, high)| Switch { input, low, high })
     }
 
@@ -53,7 +52,7 @@ impl Switch {
 
 /// The whole units within an interval in full steps.
 fn interval([low, high]: [f64; 2]) -> Option<(i64, i64)> {
-    let units = Smsd::ROTOR_UNITS as f64;
+    let units = ROTOR_UNITS as f64;
     #[allow(
         clippy::cast_possible_truncation,
         reason = "`as` saturates; rig files allow up to 1e9 full steps"
@@ -88,7 +87,7 @@ impl Mechanics {
             clippy::cast_possible_truncation,
             reason = "`as` saturates; rig files allow up to 1e9 full steps"
         )]
-        let place = libm::round(start * Smsd::ROTOR_UNITS as f64) as i64;
+        let place = libm::round(start * ROTOR_UNITS as f64) as i64;
         let mechanics = Mechanics { travel, place, rotor: 0 };
         Mechanics { place: mechanics.clamp(place), ..mechanics }
     }
@@ -115,7 +114,7 @@ impl Mechanics {
     }
 
     /// The rotor's place at which the next of `switches` changes, turning in `direction` from `rotor`.
-    pub fn next_edge(&self, switches: &[Switch], rotor: i64, direction: Direction) -> Option<i64> {
+    pub fn next_edge<S>(&self, switches: &[Switch<S>], rotor: i64, direction: Direction) -> Option<i64> {
         let place = self.place(rotor);
         let edges = switches.iter().filter_map(|switch| switch.next_edge(place, direction));
         let nearest = edges.min_by_key(|edge| edge.abs_diff(place))?;
@@ -131,8 +130,9 @@ impl Mechanics {
 mod tests {
     use super::*;
     use Direction::{Forward, Reverse};
+    use stepdrive_spec::smsd::inputs::Input;
 
-    const STEP: i64 = Smsd::ROTOR_UNITS;
+    const STEP: i64 = ROTOR_UNITS;
 
     fn stage() -> Mechanics {
         Mechanics::new(Travel::between([-10.0, 10.0]), 0.0)

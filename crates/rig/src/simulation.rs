@@ -3,11 +3,11 @@
 //! Time jumps from one thing that happens to the next, so an hour of waiting takes no time. What happens is told as
 //! [`Step`]s, each with the state of the drive at its instant.
 
-use crate::file::DriveSection;
+use crate::file::{DriveSection, SmsdSection};
 use crate::machine::Machine;
 use alloc::vec::Vec;
 use core::time::Duration;
-use stepdrive_drive::smsd::{Event, Memory, Place, Refusal};
+use stepdrive_drive::smsd::{Event, Memory, Place, Refusal, Smsd};
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::PROGRAM_AREAS;
 use stepdrive_spec::smsd::status::Status;
@@ -79,7 +79,7 @@ pub struct State {
 
 impl State {
     /// The state of a machine that has been brought up to `at`.
-    pub fn of(machine: &Machine, at: Instant) -> State {
+    pub fn of(machine: &Machine<Smsd>, at: Instant) -> State {
         let drive = machine.drive();
         State {
             at,
@@ -99,23 +99,28 @@ impl State {
     }
 }
 
-impl DriveSection {
+impl SmsdSection {
     /// The drive as it leaves the factory, with these programs in its memory areas, switched on in autonomous mode: the
     /// program of memory area `area` (0 to 3) starts at once.
-    pub fn start_program(&self, programs: [&[u32]; PROGRAM_AREAS], area: u8) -> Machine {
+    pub fn start_program(
+        &self,
+        drive: &DriveSection,
+        programs: [&[u32]; PROGRAM_AREAS],
+        area: u8,
+    ) -> Machine<Smsd> {
         let mut memory = Memory::factory();
         for (number, words) in programs.into_iter().enumerate() {
             memory.load_program(number, words);
         }
         memory.mode_n_programs = area;
-        DriveSection { autonomous: true, mode_n_programs: None, ..self.clone() }.power_up(memory)
+        SmsdSection { autonomous: true, mode_n_programs: None, ..self.clone() }.power_up(drive, memory)
     }
 }
 
 /// A program that is being run. It is an iterator over what happens; [`What::End`] comes last.
 #[derive(Clone, Debug)]
 pub struct Simulation {
-    machine: Machine,
+    machine: Machine<Smsd>,
     /// The signals to come, the next one last.
     signals: Vec<Signal>,
     end: Instant,
@@ -126,8 +131,8 @@ pub struct Simulation {
 
 impl Simulation {
     /// Runs the program of a machine that has just been switched on, for at most `time`; see
-    /// [`DriveSection::start_program`].
-    pub fn new(machine: Machine, mut signals: Vec<Signal>, time: Duration) -> Simulation {
+    /// [`SmsdSection::start_program`].
+    pub fn new(machine: Machine<Smsd>, mut signals: Vec<Signal>, time: Duration) -> Simulation {
         // The sort keeps the order of signals at the same instant; the last is taken first.
         signals.sort_by_key(|signal| signal.at);
         signals.reverse();
@@ -136,7 +141,7 @@ impl Simulation {
     }
 
     /// The machine as it stands.
-    pub fn machine(&self) -> &Machine {
+    pub fn machine(&self) -> &Machine<Smsd> {
         &self.machine
     }
 

@@ -1,8 +1,9 @@
 //! Rig files that are valid: what they give.
 #![allow(clippy::float_cmp, reason = "places are exact")]
 
-use stepdrive_drive::smsd::{Memory, WordOrder};
-use stepdrive_rig::file::{ClockMode, DEMO, DriveSection, RigFile};
+use stepdrive_drive::smsd::{Memory, Smsd, WordOrder};
+use stepdrive_rig::file::{ClockMode, DEMO, DriveSection, RigFile, SmsdSection};
+use stepdrive_rig::machine::Machine;
 use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::time::Instant;
 
@@ -17,30 +18,37 @@ fn drive(text: &str) -> DriveSection {
     file.drives[0].clone()
 }
 
+fn smsd(drive: &DriveSection) -> &SmsdSection {
+    drive.smsd().expect("an SMSD")
+}
+
+/// The drive, switched on with what it remembers.
+fn machine(drive: &DriveSection, memory: Memory) -> Machine<Smsd> {
+    smsd(drive).power_up(drive, memory)
+}
+
 #[test]
 fn the_demo_rig_is_a_stage_with_two_switches_and_shows_the_defaults() {
-    let demo = drive(DEMO);
-    assert_eq!((demo.name.get_ref().as_str(), demo.model), ("stage", Model::Smsd42));
-    assert_eq!(demo.modbus_tcp.get_ref().to_string(), "127.0.0.1:5020");
+    let (demo, plain) = (drive(DEMO), drive(MINIMAL));
+    assert_eq!((demo.name.as_str(), demo.steps_per_rev), ("stage", plain.steps_per_rev));
+    let (demo, plain) = (smsd(&demo), smsd(&plain));
+    assert_eq!((demo.model, demo.modbus_tcp.to_string().as_str()), (Model::Smsd42, "127.0.0.1:5020"));
     assert_eq!(demo.switches.len(), 2);
-    let plain = drive(MINIMAL);
     assert_eq!((demo.word_order, demo.autonomous), (plain.word_order, plain.autonomous));
-    assert_eq!(demo.mode_n_programs.is_none(), plain.mode_n_programs.is_none());
-    assert_eq!(demo.motor.steps_per_rev.get_ref(), plain.motor.steps_per_rev.get_ref());
+    assert_eq!(demo.mode_n_programs, plain.mode_n_programs);
 }
 
 #[test]
 fn everything_but_name_model_and_address_has_a_default() {
     let file = RigFile::parse(MINIMAL).expect("valid");
-    assert_eq!(file.rig.clock, ClockMode::Real);
+    assert_eq!(file.clock, ClockMode::Real);
     let drive = drive(MINIMAL);
-    assert_eq!((drive.word_order, drive.autonomous), (WordOrder::LowFirst, false));
-    assert_eq!(*drive.motor.steps_per_rev.get_ref(), 200);
-    assert!(drive.mode_n_programs.is_none() && drive.mechanics.travel.is_none());
-    assert!(drive.mechanics.start.is_none() && drive.switches.is_empty());
-    let config = drive.config();
-    assert_eq!((config.model, config.port, config.autonomous), (Model::Smsd80, 5020, false));
-    let machine = drive.power_up(Memory::factory());
+    assert_eq!((drive.steps_per_rev, drive.travel, drive.start), (200, None, 0.0));
+    let section = smsd(&drive);
+    assert_eq!((section.word_order, section.autonomous), (WordOrder::LowFirst, false));
+    assert!(section.mode_n_programs.is_none() && section.switches.is_empty());
+    assert_eq!((section.model, section.modbus_tcp.port()), (Model::Smsd80, 5020));
+    let machine = machine(&drive, Memory::factory());
     assert_eq!((machine.carriage(Instant::ZERO), machine.next_wake()), (0.0, None));
 }
 
@@ -50,10 +58,9 @@ fn every_key_is_taken() {
         motor.steps_per_rev = 400\nmechanics = { travel = [-10, 20], start = 5 }\n\
         switch = [{ input = \"CONTINUE\", closed = [4, 6] }]\n";
     let drive = drive(&format!("[rig]\nclock = \"real\"\n{MINIMAL}{lines}"));
-    let config = drive.config();
-    assert_eq!((config.word_order, config.autonomous), (WordOrder::HighFirst, true));
-    assert_eq!(*drive.motor.steps_per_rev.get_ref(), 400);
-    let machine = drive.power_up(Memory::factory());
+    assert_eq!((smsd(&drive).word_order, smsd(&drive).autonomous), (WordOrder::HighFirst, true));
+    assert_eq!(drive.steps_per_rev, 400);
+    let machine = machine(&drive, Memory::factory());
     assert_eq!(machine.carriage(Instant::ZERO), 5.0);
     assert_eq!(machine.drive().inputs(), 0x80);
     assert_eq!(machine.drive().memory().mode_n_programs, 3);
@@ -63,7 +70,7 @@ fn every_key_is_taken() {
 fn without_mode_n_programs_the_controller_keeps_the_one_it_remembers() {
     let mut memory = Memory::factory();
     memory.mode_n_programs = 2;
-    assert_eq!(drive(MINIMAL).power_up(memory).drive().memory().mode_n_programs, 2);
+    assert_eq!(machine(&drive(MINIMAL), memory).drive().memory().mode_n_programs, 2);
 }
 
 #[test]
@@ -81,7 +88,7 @@ fn several_drives_may_share_an_address_only_if_its_port_is_free_to_choose() {
 #[test]
 fn names_are_up_to_32_letters_digits_and_signs() {
     for name in ["x", "Z-1_a", "12345678901234567890123456789012"] {
-        assert_eq!(drive(&MINIMAL.replace("stage", name)).name.get_ref(), name);
+        assert_eq!(drive(&MINIMAL.replace("stage", name)).name, name);
     }
     for name in ["123456789012345678901234567890123", "ä", "a/b", "a.b", ".."] {
         assert!(RigFile::parse(&MINIMAL.replace("stage", name)).is_err(), "{name}");

@@ -501,10 +501,10 @@ fn text_that_is_not_toml_is_shown_where_it_breaks_off() {
     check(
         "PK\u{3}\u{4}",
         expect![[r#"
-        rig.toml:1:5: key with no value, expected `=`
-          |
-        1 | PK
-          |     ^"#]],
+            rig.toml:1:5: key with no value, expected `=`
+              |
+            1 | PK��
+              |     ^"#]],
     );
     check(
         "[[drive]\n",

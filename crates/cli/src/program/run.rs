@@ -27,7 +27,7 @@ pub(crate) struct RunArgs {
     /// Tell also what the motor, the inputs and the relay do between instructions.
     #[arg(long)]
     trace: bool,
-    /// The rig whose first drive runs it; by default the demo rig's, with a zero switch and a sensor.
+    /// The rig whose first SMSD runs it; by default the demo rig's, with a zero switch and a sensor.
     #[arg(long)]
     rig: Option<PathBuf>,
     /// Print one JSON object a line.
@@ -38,14 +38,16 @@ pub(crate) struct RunArgs {
 /// Runs a program and prints what happens.
 pub(crate) fn run(args: &RunArgs) -> Result<(), Failure> {
     let (name, rig) = rigs::read(args.rig.as_deref())?;
-    let drive = rig.drives.first().ok_or_else(|| Failure::Usage(format!("{name} has no drive")))?;
-    let program = Program::read(&args.file, Some(drive.model))?;
+    let smsd = rig.drives.iter().find_map(|drive| Some((drive, drive.smsd()?)));
+    let (drive, smsd) =
+        smsd.ok_or_else(|| Failure::Usage(format!("{name} has no SMSD, which programs are for")))?;
+    let program = Program::read(&args.file, Some(smsd.model))?;
     show(&program);
     let image = program.image()?;
     if !args.json {
-        tell(&format!("{} on a virtual {} of {name}, on virtual time", program.name, drive.model));
+        tell(&format!("{} on a virtual {} of {name}, on virtual time", program.name, smsd.model));
     }
-    let machine = drive.start_program(std::array::from_fn(|memory| image.area(memory)), args.mem);
+    let machine = smsd.start_program(drive, std::array::from_fn(|memory| image.area(memory)), args.mem);
     let signals = args.input.iter().flat_map(|input| input.0.clone()).collect();
     let simulation = Simulation::new(machine, signals, args.time);
     match play(args, drive, simulation) {

@@ -42,7 +42,7 @@ impl Timeline {
 
     /// A timeline of what this drive does.
     pub(super) fn new(json: bool, drive: &DriveSection) -> Timeline {
-        Timeline { json, before: None, steps_per_rev: *drive.motor.steps_per_rev.get_ref() }
+        Timeline { json, before: None, steps_per_rev: drive.steps_per_rev }
     }
 
     /// Takes notice of a step that is not told.

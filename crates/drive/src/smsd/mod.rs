@@ -307,7 +307,7 @@ impl Smsd {
         self.motor.speed(now)
     }
 
-    /// Where the rotor would be at `now` if nothing held it, in [`Smsd::ROTOR_UNITS`] to the full step, from where it
+    /// Where the rotor would be at `now` if nothing held it, in [`crate::controller::ROTOR_UNITS`] to the full step, from where it
     /// was at power-up. Between two calls that change the controller or handle a wake-up it goes one way only.
     pub fn rotor(&self, now: Instant) -> i64 {
         self.motor.rotor(now)
@@ -323,9 +323,6 @@ impl Smsd {
     pub fn when_rotor_reaches(&self, position: i64) -> Option<Instant> {
         self.motor.when_rotor_reaches(position)
     }
-
-    /// Units of [`Smsd::rotor`] to the full step: the finest microstep of either family of controllers.
-    pub const ROTOR_UNITS: i64 = powerstep01::ROTOR_UNITS;
 
     fn ready(&self) -> bool {
         self.motor.ready() && self.seek.is_none()

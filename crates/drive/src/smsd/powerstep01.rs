@@ -1,14 +1,12 @@
 //! The motor chip: motion commands, status flags, counters (powerSTEP01 data sheet; `powerstep01` in the spec crate).
 
+use crate::controller::ROTOR_UNITS;
 use core::time::Duration;
 use stepdrive_motion::{Axis, Direction, Limits, Phase};
 use stepdrive_spec::smsd::powerstep01 as scale;
 use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::ring;
 use stepdrive_spec::time::Instant;
-
-/// Units of the rotor's position to the full step.
-pub(super) const ROTOR_UNITS: i64 = 256;
 
 /// Units of `EL_POS` to the full step.
 const EL_UNITS: i64 = 128;

@@ -1,99 +1,83 @@
-//! The rig file: TOML in, machines out.
-//!
-//! Everything but a drive's `name`, `model` and address has a default. What a person gets wrong is told with the file's
-//! name, line and column.
+//! A rig file as it is written: TOML with the place of everything that may be wrong, checked, and turned into what it
+//! means.
 
-use crate::machine::Machine;
-use crate::mechanics::{Mechanics, Switch, Travel};
+use super::mistake::RigFileError;
+use super::{ClockMode, ControllerSection, DriveSection, RigFile, SmsdSection, SwitchSection};
+use crate::mechanics::{Switch, Travel};
 use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
-use core::fmt;
 use core::net::SocketAddr;
 use core::ops::{Range, RangeInclusive};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
-use stepdrive_drive::smsd::{Config, Memory, WordOrder};
+use stepdrive_drive::smsd::WordOrder;
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::models::Model;
 use toml::Spanned;
 
-/// The rig that `stepdrive up` brings up when it is given none: one SMSD-4.2LAN named `stage`, commented.
-pub const DEMO: &str = include_str!("../demo.toml");
-
-/// A rig, as written in its file.
-#[derive(Clone, Debug, Deserialize)]
+/// A rig.
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RigFile {
-    /// What holds for the rig as a whole.
+struct WrittenRig {
     #[serde(default)]
-    pub rig: RigSection,
-    /// The drives; at least one.
+    rig: WrittenClock,
     #[serde(rename = "drive", default)]
-    pub drives: Vec<DriveSection>,
+    drives: Vec<WrittenDrive>,
 }
 
 /// `[rig]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RigSection {
-    /// How rig time passes.
+struct WrittenClock {
     #[serde(default, deserialize_with = "clock")]
-    pub clock: ClockMode,
-}
-
-/// How rig time passes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ClockMode {
-    /// As fast as time does.
-    #[default]
-    Real,
+    clock: ClockMode,
 }
 
 /// `[[drive]]`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct DriveSection {
+struct WrittenDrive {
     /// Its name, unique in the rig: letters, digits, `-` and `_`, up to 32.
-    pub name: Spanned<String>,
+    name: Spanned<String>,
     /// Its model.
     #[serde(deserialize_with = "model")]
-    pub model: Model,
+    model: Model,
     /// Where it listens for Modbus TCP; port 0 takes a free one.
     #[serde(deserialize_with = "address")]
-    pub modbus_tcp: Spanned<SocketAddr>,
+    modbus_tcp: Spanned<SocketAddr>,
     /// The order of the two words of a 32-bit value.
     #[serde(default, deserialize_with = "word_order")]
-    pub word_order: WordOrder,
+    word_order: WordOrder,
     /// Autonomous mode: the front panel shows "bF", and the program of `MODE_N_PROGRAMS` starts at power-up.
     #[serde(default)]
-    pub autonomous: bool,
+    autonomous: bool,
     /// `MODE_N_PROGRAMS` as set at the front panel, 0 to 3; without it the controller keeps the one it remembers.
     #[serde(default, deserialize_with = "mode_n_programs")]
-    pub mode_n_programs: Option<Spanned<u8>>,
+    mode_n_programs: Option<Spanned<u8>>,
     /// The motor.
     #[serde(default)]
-    pub motor: MotorSection,
+    motor: WrittenMotor,
     /// The mechanics; without them the axis turns for ever.
     #[serde(default)]
-    pub mechanics: MechanicsSection,
+    mechanics: WrittenMechanics,
     /// The switches along the travel.
     #[serde(rename = "switch", default)]
-    pub switches: Vec<SwitchSection>,
+    switches: Vec<WrittenSwitch>,
 }
 
 /// `[drive.motor]`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct MotorSection {
+struct WrittenMotor {
     /// Full steps in a turn, 1 to 10 000.
     #[serde(default = "usual_steps_per_rev", deserialize_with = "steps_per_rev")]
-    pub steps_per_rev: Spanned<u32>,
+    steps_per_rev: Spanned<u32>,
 }
 
-impl Default for MotorSection {
-    fn default() -> MotorSection {
-        MotorSection { steps_per_rev: usual_steps_per_rev() }
+impl Default for WrittenMotor {
+    fn default() -> WrittenMotor {
+        WrittenMotor { steps_per_rev: usual_steps_per_rev() }
     }
 }
 
@@ -103,26 +87,26 @@ fn usual_steps_per_rev() -> Spanned<u32> {
 }
 
 /// `[drive.mechanics]`.
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct MechanicsSection {
+struct WrittenMechanics {
     /// The hard ends, in full steps; none by default.
     #[serde(default, deserialize_with = "travel")]
-    pub travel: Option<Spanned<[f64; 2]>>,
+    travel: Option<Spanned<[f64; 2]>>,
     /// Where the carriage stands at power-up, in full steps; 0 by default.
-    pub start: Option<Spanned<f64>>,
+    start: Option<Spanned<f64>>,
 }
 
 /// `[[drive.switch]]`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SwitchSection {
+struct WrittenSwitch {
     /// The input it is wired to.
     #[serde(deserialize_with = "input")]
-    pub input: Input,
+    input: Input,
     /// From where to where it is closed, in full steps.
     #[serde(deserialize_with = "interval")]
-    pub closed: Spanned<[f64; 2]>,
+    closed: Spanned<[f64; 2]>,
 }
 
 fn model<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Model, D::Error> {
@@ -205,64 +189,6 @@ fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Spanned<SocketA
     Ok(Spanned::new(text.span(), address))
 }
 
-/// A mistake in a rig file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RigFileError {
-    /// What is wrong, and what would be right.
-    pub message: String,
-    /// Line, from 1; `None` when it is the file as a whole.
-    pub line: Option<usize>,
-    /// Column in characters, from 1.
-    pub column: Option<usize>,
-    /// The line itself, and how many characters of it are meant.
-    excerpt: Option<(String, usize)>,
-}
-
-impl RigFileError {
-    fn new(text: &str, span: Option<Range<usize>>, message: String) -> RigFileError {
-        let place = span.and_then(|span| {
-            let before = text.get(..span.start)?;
-            let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-            let line = text.get(line_start..)?.lines().next().unwrap_or("");
-            let column = text.get(line_start..span.start)?.chars().count() + 1;
-            let meant =
-                text.get(span).map_or(1, |part| part.lines().next().unwrap_or("").chars().count().max(1));
-            Some((before.matches('\n').count() + 1, column, line.to_string(), meant))
-        });
-        match place {
-            None => RigFileError { message, line: None, column: None, excerpt: None },
-            Some((line, column, source, meant)) => RigFileError {
-                message,
-                line: Some(line),
-                column: Some(column),
-                excerpt: Some((source, meant)),
-            },
-        }
-    }
-
-    /// The mistake as a person reads it: `FILE:LINE:COLUMN: message`, then the line with what is meant underlined.
-    pub fn render(&self, file: &str) -> String {
-        let (Some(line), Some(column), Some((source, meant))) = (self.line, self.column, &self.excerpt)
-        else {
-            return format!("{file}: {}", self.message);
-        };
-        let (pad, rule) = (" ".repeat(line.to_string().len()), "^".repeat(*meant));
-        let indent = " ".repeat(column.saturating_sub(1));
-        format!(
-            "{file}:{line}:{column}: {}\n{pad} |\n{line} | {source}\n{pad} | {indent}{rule}",
-            self.message
-        )
-    }
-}
-
-impl fmt::Display for RigFileError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
-impl core::error::Error for RigFileError {}
-
 /// How the library that reads the file words what is wrong, and how a person would.
 const WORDING: [(&str, &str); 8] = [
     ("duplicate key", "this field is there already"),
@@ -290,66 +216,62 @@ fn reworded(message: &str) -> String {
 /// The farthest place on a travel that a rig file may name, in full steps.
 const FARTHEST: f64 = 1e9;
 
-impl RigFile {
-    /// Reads a rig.
-    ///
-    /// # Errors
-    /// The first mistake found, with its place in `text`.
-    pub fn parse(text: &str) -> Result<RigFile, RigFileError> {
-        let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
-        let file: RigFile = toml::from_str(text)
-            .map_err(|error| RigFileError::new(text, error.span(), reworded(error.message())))?;
-        let at = |span: Range<usize>, message: String| Err(RigFileError::new(text, Some(span), message));
-        if file.drives.is_empty() {
-            let message = "the rig has no drive; begin one with [[drive]]".to_string();
-            return Err(RigFileError::new(text, None, message));
-        }
-        for (number, drive) in file.drives.iter().enumerate() {
-            if let Err((span, message)) = drive.check() {
-                return at(span, message);
-            }
-            let earlier = || file.drives.iter().take(number);
-            if earlier().any(|other| other.name.get_ref() == drive.name.get_ref()) {
-                return at(
-                    drive.name.span(),
-                    format!("a drive named `{}` is there already", drive.name.get_ref()),
-                );
-            }
-            let address = drive.modbus_tcp.get_ref();
-            let same = earlier().find(|other| address.port() != 0 && other.modbus_tcp.get_ref() == address);
-            if let Some(other) = same {
-                let message = format!("{address} is taken by the drive `{}`", other.name.get_ref());
-                return at(drive.modbus_tcp.span(), message);
-            }
-        }
-        Ok(file)
+/// Reads a rig.
+pub(super) fn parse(text: &str) -> Result<RigFile, RigFileError> {
+    let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
+    let written: WrittenRig = toml::from_str(text)
+        .map_err(|error| RigFileError::new(text, error.span(), reworded(error.message())))?;
+    let at = |(span, message): Mistake| RigFileError::new(text, Some(span), message);
+    if written.drives.is_empty() {
+        let message = "the rig has no drive; begin one with [[drive]]".to_string();
+        return Err(RigFileError::new(text, None, message));
     }
+    for (number, drive) in written.drives.iter().enumerate() {
+        let earlier = written.drives.get(..number).unwrap_or(&[]);
+        drive.check().and_then(|()| drive.check_unlike(earlier)).map_err(at)?;
+    }
+    let drives = written.drives.into_iter().map(WrittenDrive::meant).collect();
+    Ok(RigFile { clock: written.rig.clock, drives })
 }
 
 /// A mistake and its place.
 type Mistake = (Range<usize>, String);
 
-impl DriveSection {
-    /// The controller of this drive.
-    pub fn config(&self) -> Config {
-        Config {
-            model: self.model,
-            word_order: self.word_order,
-            port: self.modbus_tcp.get_ref().port(),
-            autonomous: self.autonomous,
+impl WrittenDrive {
+    /// What a drive without mistakes means.
+    fn meant(self) -> DriveSection {
+        let switch =
+            |switch: WrittenSwitch| SwitchSection { input: switch.input, closed: switch.closed.into_inner() };
+        DriveSection {
+            name: self.name.into_inner(),
+            steps_per_rev: self.motor.steps_per_rev.into_inner(),
+            travel: self.mechanics.travel.map(Spanned::into_inner),
+            start: self.mechanics.start.map_or(0.0, Spanned::into_inner),
+            controller: ControllerSection::Smsd(SmsdSection {
+                model: self.model,
+                modbus_tcp: self.modbus_tcp.into_inner(),
+                word_order: self.word_order,
+                autonomous: self.autonomous,
+                mode_n_programs: self.mode_n_programs.map(Spanned::into_inner),
+                switches: self.switches.into_iter().map(switch).collect(),
+            }),
         }
     }
 
-    /// The drive, switched on with what its controller remembers.
-    pub fn power_up(&self, mut memory: Memory) -> Machine {
-        if let Some(number) = &self.mode_n_programs {
-            memory.mode_n_programs = *number.get_ref();
+    /// Name and address must not be those of a drive before it.
+    fn check_unlike(&self, earlier: &[WrittenDrive]) -> Result<(), Mistake> {
+        if earlier.iter().any(|other| other.name.get_ref() == self.name.get_ref()) {
+            return Err((
+                self.name.span(),
+                format!("a drive named `{}` is there already", self.name.get_ref()),
+            ));
         }
-        let travel = self.mechanics.travel.as_ref().and_then(|travel| Travel::between(*travel.get_ref()));
-        let start = self.mechanics.start.as_ref().map_or(0.0, |start| *start.get_ref());
-        let switch = |switch: &SwitchSection| Switch::new(switch.input, *switch.closed.get_ref());
-        let switches = self.switches.iter().filter_map(switch).collect();
-        Machine::power_up(self.config(), memory, Mechanics::new(travel, start), switches)
+        let address = self.modbus_tcp.get_ref();
+        let same = earlier.iter().find(|other| address.port() != 0 && other.modbus_tcp.get_ref() == address);
+        same.map_or(Ok(()), |other| {
+            let message = format!("{address} is taken by the drive `{}`", other.name.get_ref());
+            Err((self.modbus_tcp.span(), message))
+        })
     }
 
     fn check(&self) -> Result<(), Mistake> {

@@ -1,7 +1,7 @@
 //! A machine from a rig file, a session, a virtual clock, and verbs that say what a test does.
 
 use core::time::Duration;
-use stepdrive_drive::smsd::{Memory, Session};
+use stepdrive_drive::smsd::{Memory, Session, Smsd};
 use stepdrive_rig::file::RigFile;
 use stepdrive_rig::machine::Machine;
 use stepdrive_spec::modbus::{Exception, Reply, Request, Table};
@@ -16,7 +16,7 @@ pub(crate) const MS: Duration = Duration::from_millis(1);
 /// A machine, a connection to it that is authorised, and the time.
 #[derive(Clone, Debug)]
 pub(crate) struct Bench {
-    pub(crate) machine: Machine,
+    pub(crate) machine: Machine<Smsd>,
     pub(crate) session: Session,
     pub(crate) now: Instant,
     /// Wake-ups handled so far.
@@ -24,12 +24,13 @@ pub(crate) struct Bench {
 }
 
 /// The drive of a rig that has only one, with these further lines in its file.
-fn drive(lines: &str, memory: Memory) -> Machine {
+fn drive(lines: &str, memory: Memory) -> Machine<Smsd> {
     let text = format!(
         "[[drive]]\nname = \"stage\"\nmodel = \"SMSD-4.2LAN\"\nmodbus_tcp = \"127.0.0.1:5020\"\n{lines}"
     );
     let file = RigFile::parse(&text).unwrap_or_else(|error| panic!("{}", error.render("rig")));
-    file.drives[0].power_up(memory)
+    let drive = &file.drives[0];
+    drive.smsd().expect("an SMSD").power_up(drive, memory)
 }
 
 impl Bench {

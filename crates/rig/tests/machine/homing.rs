@@ -17,7 +17,8 @@ fn stage(start: f64) -> Bench {
 #[test]
 fn the_stage_here_is_the_one_of_the_demo_rig() {
     let demo = RigFile::parse(DEMO).expect("valid");
-    let demo = format!("{:?}", demo.drives[0].power_up(Memory::factory()));
+    let demo = &demo.drives[0];
+    let demo = format!("{:?}", demo.smsd().expect("an SMSD").power_up(demo, Memory::factory()));
     let machine = format!("{:?}", stage(0.0).machine);
     let mechanics = |text: &str| text[text.find("mechanics").expect("there")..].to_owned();
     assert_eq!(mechanics(&demo), mechanics(&machine));

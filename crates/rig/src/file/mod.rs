@@ -1,0 +1,132 @@
+//! The rig file: TOML in, machines out.
+//!
+//! Everything but a drive's `name`, `model` and address has a default. What a person gets wrong is told with the file's
+//! name, line and column.
+
+mod mistake;
+mod written;
+
+pub use mistake::RigFileError;
+
+use crate::machine::Machine;
+use crate::mechanics::{Mechanics, Switch, Travel};
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::net::SocketAddr;
+use stepdrive_drive::smsd::{Config, Memory, Smsd, WordOrder};
+use stepdrive_spec::smsd::inputs::Input;
+use stepdrive_spec::smsd::models::Model;
+use stepdrive_spec::time::Instant;
+
+/// The rig that `stepdrive up` brings up when it is given none: one SMSD-4.2LAN named `stage`, commented.
+pub const DEMO: &str = include_str!("../../demo.toml");
+
+/// A rig.
+#[derive(Clone, Debug)]
+pub struct RigFile {
+    /// How rig time passes.
+    pub clock: ClockMode,
+    /// The drives; at least one.
+    pub drives: Vec<DriveSection>,
+}
+
+/// How rig time passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ClockMode {
+    /// As fast as time does.
+    #[default]
+    Real,
+}
+
+/// A drive: `[[drive]]`.
+#[derive(Clone, Debug)]
+pub struct DriveSection {
+    /// Its name, unique in the rig: letters, digits, `-` and `_`, up to 32.
+    pub name: String,
+    /// Full steps in a turn of the motor, 1 to 10 000.
+    pub steps_per_rev: u32,
+    /// The hard ends of the travel, in full steps; `None` when the axis turns for ever.
+    pub travel: Option<[f64; 2]>,
+    /// Where the carriage stands at power-up, in full steps.
+    pub start: f64,
+    /// What is particular to the family of its controller.
+    pub controller: ControllerSection,
+}
+
+/// What is particular to a family of controllers.
+#[derive(Clone, Debug)]
+pub enum ControllerSection {
+    /// An SMSD.
+    Smsd(SmsdSection),
+}
+
+/// An SMSD in a rig.
+#[derive(Clone, Debug)]
+pub struct SmsdSection {
+    /// Its model.
+    pub model: Model,
+    /// Where it listens for Modbus TCP; port 0 takes a free one.
+    pub modbus_tcp: SocketAddr,
+    /// The order of the two words of a 32-bit value.
+    pub word_order: WordOrder,
+    /// Autonomous mode: the front panel shows "bF", and the program of `MODE_N_PROGRAMS` starts at power-up.
+    pub autonomous: bool,
+    /// `MODE_N_PROGRAMS` as set at the front panel, 0 to 3; `None` keeps the one it remembers.
+    pub mode_n_programs: Option<u8>,
+    /// The switches along the travel.
+    pub switches: Vec<SwitchSection<Input>>,
+}
+
+/// A switch: `[[drive.switch]]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SwitchSection<S> {
+    /// The input it is wired to.
+    pub input: S,
+    /// From where to where it is closed, in full steps.
+    pub closed: [f64; 2],
+}
+
+impl RigFile {
+    /// Reads a rig.
+    ///
+    /// # Errors
+    /// The first mistake found, with its place in `text`.
+    pub fn parse(text: &str) -> Result<RigFile, RigFileError> {
+        written::parse(text)
+    }
+}
+
+impl DriveSection {
+    /// What is particular to it, if it is an SMSD.
+    pub fn smsd(&self) -> Option<&SmsdSection> {
+        match &self.controller {
+            ControllerSection::Smsd(section) => Some(section),
+        }
+    }
+
+    /// The mechanics at power-up.
+    fn mechanics(&self) -> Mechanics {
+        Mechanics::new(self.travel.and_then(Travel::between), self.start)
+    }
+}
+
+impl SmsdSection {
+    /// The drive that this is part of, switched on with what its controller remembers.
+    pub fn power_up(&self, drive: &DriveSection, mut memory: Memory) -> Machine<Smsd> {
+        memory.mode_n_programs = self.mode_n_programs.unwrap_or(memory.mode_n_programs);
+        let config = Config {
+            model: self.model,
+            word_order: self.word_order,
+            port: self.modbus_tcp.port(),
+            autonomous: self.autonomous,
+        };
+        Machine::power_up(drive.mechanics(), switches(&self.switches), |signals| {
+            let [levels, _] = signals.to_le_bytes();
+            Smsd::power_up(Instant::ZERO, config, memory, levels)
+        })
+    }
+}
+
+fn switches<S: Copy>(sections: &[SwitchSection<S>]) -> Vec<Switch<S>> {
+    sections.iter().filter_map(|section| Switch::new(section.input, section.closed)).collect()
+}
