@@ -20,7 +20,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use stepdrive_drive::smsd::Refusal;
-use stepdrive_rig::file::{DriveSection, RigFile};
+use stepdrive_rig::file::{ControllerSection, RigFile};
 use stepdrive_spec::smsd::models::Model;
 use store::{Store, StoreError};
 use tokio::task::JoinSet;
@@ -29,7 +29,7 @@ use tokio::task::JoinSet;
 pub struct Options {
     /// The folder for non-volatile memory; made when it is not there.
     pub state: PathBuf,
-    /// Is told what happens, as it happens.
+    /// Is told what happens, as it happens. It has to return at once: the drive waits meanwhile.
     pub notify: Box<dyn Fn(Notice) + Send + Sync>,
 }
 
@@ -101,17 +101,27 @@ pub enum StartError {
     #[error(transparent)]
     Store(#[from] StoreError),
     /// An address cannot be listened on.
-    #[error(
-        "{drive}: cannot listen on {address}: {error}; choose another port in the rig file, or end what uses it"
-    )]
+    #[error("{drive}: cannot listen on {address}: {error}; {}", listen_advice(*.remembered))]
     Listen {
         /// The drive.
         drive: String,
         /// Its address.
         address: SocketAddr,
+        /// `true` when its port is not that of the rig file: the drive's LAN parameters name it.
+        remembered: bool,
         /// Why not.
         error: io::Error,
     },
+}
+
+/// What a person can do about an address that cannot be listened on.
+fn listen_advice(remembered: bool) -> &'static str {
+    if remembered {
+        "this port was set in the drive's LAN parameters: end what uses it, or choose another state folder with \
+         --state DIR"
+    } else {
+        "choose another port in the rig file, or end what uses it"
+    }
 }
 
 /// A drive that is being served.
@@ -127,11 +137,12 @@ pub struct ServedDrive {
     pub unit: u8,
 }
 
-/// A running rig. Dropping it ends all its tasks; what clients were told is stored by then.
+/// A running rig. Dropping it ends all its tasks; [`Server::stop`] also waits until they have ended.
 #[derive(Debug)]
 pub struct Server {
     drives: Vec<ServedDrive>,
-    _tasks: JoinSet<()>,
+    tasks: JoinSet<()>,
+    store: Store,
 }
 
 impl Server {
@@ -141,49 +152,87 @@ impl Server {
     /// # Errors
     /// When the memory cannot be read or an address cannot be listened on. Nothing is left running then.
     pub async fn start(rig: &RigFile, options: Options) -> Result<Server, StartError> {
-        let store = Store::open(&options.state)?;
-        let notify: station::Notify = Arc::from(options.notify);
-        let clock = Clock::start(rig.rig.clock);
-        let mut listening = Vec::new();
-        for section in &rig.drives {
-            let station = Station::power_up(section, clock, &store, Arc::clone(&notify))?;
-            let listener = listen(section, &station).await?;
-            listening.push((section, station, listener));
+        let mut store = Store::open(&options.state)?;
+        match bring_up(rig, &mut store, &Arc::from(options.notify)).await {
+            Ok(ready) => {
+                let mut tasks = JoinSet::new();
+                let drives = ready.into_iter().map(|ready| ready.serve(&mut tasks)).collect();
+                Ok(Server { drives, tasks, store })
+            }
+            Err(error) => {
+                store.close().await;
+                Err(error)
+            }
         }
-        let mut tasks = JoinSet::new();
-        let mut drives = Vec::new();
-        for (section, station, listener) in listening {
-            drives.push(ServedDrive {
-                name: section.name.get_ref().clone(),
-                model: section.model,
-                modbus_tcp: listener.address(),
-                unit: station.unit(),
-            });
-            let station = Arc::new(station);
-            tasks.spawn(Arc::clone(&station).keep_time());
-            tasks.spawn(listener.serve(station));
-        }
-        Ok(Server { drives, _tasks: tasks })
     }
 
     /// The drives, in the order of the rig file.
     pub fn drives(&self) -> &[ServedDrive] {
         &self.drives
     }
+
+    /// Closes all connections and listeners, and returns when what clients were told is stored and the state folder is
+    /// free for another server.
+    pub async fn stop(mut self) {
+        self.tasks.shutdown().await;
+        self.store.close().await;
+    }
 }
 
-/// Listens where the drive's LAN parameters say, or else where its rig says, and tells the drive its port.
-async fn listen(section: &DriveSection, station: &Station) -> Result<modbus::Listener, StartError> {
-    let wanted = station.address();
-    match modbus::Listener::bind(wanted).await {
+/// A drive that is switched on and listens, but is not served yet.
+struct ReadyDrive {
+    model: Model,
+    station: Station,
+    listener: modbus::Listener,
+}
+
+impl ReadyDrive {
+    fn serve(self, tasks: &mut JoinSet<()>) -> ServedDrive {
+        let ReadyDrive { model, station, listener } = self;
+        let served = ServedDrive {
+            name: station.name().to_owned(),
+            model,
+            modbus_tcp: listener.address(),
+            unit: station.unit(),
+        };
+        let station = Arc::new(station);
+        tasks.spawn(Arc::clone(&station).keep_time());
+        tasks.spawn(listener.serve(station));
+        served
+    }
+}
+
+/// Switches all drives on and lets them listen.
+async fn bring_up(
+    rig: &RigFile,
+    store: &mut Store,
+    notify: &station::Notify,
+) -> Result<Vec<ReadyDrive>, StartError> {
+    let clock = Clock::start(rig.clock);
+    let mut ready = Vec::new();
+    for drive in &rig.drives {
+        let ControllerSection::Smsd(section) = &drive.controller;
+        let mut station = Station::power_up(drive, section, clock, store, Arc::clone(notify))?;
+        let listener = listen(&mut station).await?;
+        ready.push(ReadyDrive { model: section.model, station, listener });
+    }
+    Ok(ready)
+}
+
+/// Listens where the drive's LAN parameters say, or else where its rig says, and tells the drive a port that the rig left
+/// open.
+async fn listen(station: &mut Station) -> Result<modbus::Listener, StartError> {
+    let address = station.address();
+    match modbus::Listener::bind(address).await {
         Ok(listener) => {
-            if section.modbus_tcp.get_ref().port() == 0 {
-                station.set_port(listener.address().port());
+            if address.port() == 0 {
+                station.set_rig_port(listener.address().port());
             }
             Ok(listener)
         }
         Err(error) => {
-            Err(StartError::Listen { drive: section.name.get_ref().clone(), address: wanted, error })
+            let remembered = station.lan_port().is_some();
+            Err(StartError::Listen { drive: station.name().to_owned(), address, remembered, error })
         }
     }
 }

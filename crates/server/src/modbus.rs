@@ -12,6 +12,7 @@ use stepdrive_proto::modbus::{Adu, Split, decode_request, encode_reply, split};
 use stepdrive_spec::smsd::timing::{HALF_FRAME_TIMEOUT, MAX_CONNECTIONS, UNREAD_REPLY_TIMEOUT};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 
@@ -20,6 +21,10 @@ const KEEPALIVE: Duration = Duration::from_mins(1);
 
 /// How long accepting rests after it has failed, as when the process has no file descriptors left.
 const ACCEPT_REST: Duration = Duration::from_millis(100);
+
+/// How long a connection waits for a socket when all are taken. A client that leaves and comes back at once, or whose
+/// place another one takes, is seen to come before it is seen to leave.
+const LEAVING: Duration = Duration::from_millis(100);
 
 /// Bytes of requests held for a connection: some dozens of pipelined requests, or the longest frame many times over.
 const INPUT: usize = 2048;
@@ -48,11 +53,11 @@ impl Listener {
 
     /// Serves the drive's clients until it is dropped.
     pub(crate) async fn serve(mut self, station: Arc<Station>) {
-        let mut connections = JoinSet::new();
+        let mut connections = Connections::new(Arc::clone(&station));
         loop {
             tokio::select! {
                 accepted = self.socket.accept() => match accepted {
-                    Ok((stream, peer)) => admit(stream, peer, &mut connections, &station),
+                    Ok((stream, peer)) => connections.admit(stream, peer),
                     Err(error) => {
                         station.tell(What::CannotAccept(error));
                         tokio::time::sleep(ACCEPT_REST).await;
@@ -60,7 +65,7 @@ impl Listener {
                 },
                 () = station.reconfigured() => {
                     // The network chip is set up anew: all its sockets are closed.
-                    connections.abort_all();
+                    connections.close_all().await;
                     self.move_to(station.address(), &station).await;
                 }
             }
@@ -82,21 +87,45 @@ impl Listener {
     }
 }
 
-/// Gives a connection a task, or closes it when all sockets are taken.
-fn admit(stream: TcpStream, peer: SocketAddr, connections: &mut JoinSet<()>, station: &Arc<Station>) {
-    while connections.try_join_next().is_some() {}
-    if connections.len() >= MAX_CONNECTIONS {
-        station.tell(What::Full(peer));
-        return;
+/// The clients of one drive.
+struct Connections {
+    station: Arc<Station>,
+    tasks: JoinSet<()>,
+    /// The sockets of the network chip.
+    sockets: Arc<Semaphore>,
+}
+
+impl Connections {
+    fn new(station: Arc<Station>) -> Connections {
+        let sockets = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+        Connections { station, tasks: JoinSet::new(), sockets }
     }
-    // Without these the connection still works, a little slower or a little longer.
-    let _ = stream.set_nodelay(true);
-    let _ = SockRef::from(&stream).set_tcp_keepalive(&TcpKeepalive::new().with_time(KEEPALIVE));
-    let station = Arc::clone(station);
-    connections.spawn(async move {
-        // However it ends, there is nobody left to tell.
-        let _ = Connection::new(stream).serve(&station).await;
-    });
+
+    /// Serves a connection, or closes it when all sockets are taken.
+    fn admit(&mut self, stream: TcpStream, peer: SocketAddr) {
+        while self.tasks.try_join_next().is_some() {}
+        if self.tasks.len() >= 2 * MAX_CONNECTIONS {
+            self.station.tell(What::Full(peer));
+            return;
+        }
+        let (station, sockets) = (Arc::clone(&self.station), Arc::clone(&self.sockets));
+        self.tasks.spawn(async move {
+            let Ok(Ok(_socket)) = timeout(LEAVING, sockets.acquire()).await else {
+                station.tell(What::Full(peer));
+                return;
+            };
+            // Without these the connection still works, a little slower or a little longer.
+            let _ = stream.set_nodelay(true);
+            let _ = SockRef::from(&stream).set_tcp_keepalive(&TcpKeepalive::new().with_time(KEEPALIVE));
+            // However it ends, there is nobody left to tell.
+            let _ = Connection::new(stream).serve(&station).await;
+        });
+    }
+
+    /// Closes all connections.
+    async fn close_all(&mut self) {
+        self.tasks.shutdown().await;
+    }
 }
 
 /// A client's connection.
@@ -106,6 +135,9 @@ struct Connection {
     input: Box<[u8; INPUT]>,
     /// How much of `input` is filled.
     filled: usize,
+    /// The reply that is being made.
+    reply: Adu,
+    /// Replies to be sent.
     output: Vec<u8>,
 }
 
@@ -116,6 +148,7 @@ impl Connection {
             session: Session::new(),
             input: Box::new([0; INPUT]),
             filled: 0,
+            reply: Adu::new(),
             output: Vec::new(),
         }
     }
@@ -145,10 +178,10 @@ impl Connection {
         Ok(())
     }
 
-    /// Answers every whole frame in the input and keeps the rest. `false` when the stream cannot be followed any more.
+    /// Answers every whole frame in the input and keeps the rest. `false` when the connection is over: its stream cannot
+    /// be followed any more, or the network chip is set up anew.
     async fn answer(&mut self, station: &Station) -> io::Result<bool> {
         let mut taken = 0;
-        let mut adu = Adu::new();
         let intact = loop {
             let bytes = self.input.get(taken..self.filled).unwrap_or(&[]);
             let (frame, size) = match split(bytes) {
@@ -161,17 +194,18 @@ impl Connection {
                 Split::Frame { frame, size } => (frame, size),
             };
             taken += size;
-            let Some(duties) = station.answer(&mut self.session, &frame, &mut adu) else { continue };
-            if let Some(generation) = duties.store
-                && let Err(exception) = station.store(generation).await
+            let Some(duties) = station.answer(&mut self.session, &frame, &mut self.reply) else { continue };
+            if duties.store
+                && let Err(exception) = station.store().await
                 && let Ok(request) = decode_request(frame.pdu)
             {
-                encode_reply(&mut adu, frame.transaction, frame.unit, &request, &Err(exception));
+                encode_reply(&mut self.reply, frame.transaction, frame.unit, &request, &Err(exception));
             }
-            self.output.extend_from_slice(&adu);
+            self.output.extend_from_slice(&self.reply);
             if duties.reconfigure {
                 self.send().await?;
                 station.reconfigure();
+                break false;
             } else if self.output.len() >= OUTPUT {
                 self.send().await?;
             }

@@ -6,11 +6,19 @@ use crate::{Notice, What};
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use stepdrive_drive::smsd::{Event, Session};
+use std::time::Duration;
+use stepdrive_drive::smsd::{Event, Session, Smsd};
 use stepdrive_proto::modbus::{Adu, Frame, decode_request, encode_refusal, encode_reply};
-use stepdrive_rig::file::DriveSection;
+use stepdrive_rig::file::{DriveSection, SmsdSection};
 use stepdrive_rig::machine::Machine;
-use stepdrive_spec::modbus::{Exception, Reply, Request};
+use stepdrive_spec::modbus::Exception;
+use stepdrive_spec::time::Instant;
+
+/// How long a notice that repeats is not told again.
+const NOTICE_REST: Duration = Duration::from_secs(10);
+
+/// How many kinds of notices repeat: see [`Station::tell`].
+const REPEATING: usize = 3;
 
 /// Who is told what happens.
 pub(crate) type Notify = Arc<dyn Fn(Notice) + Send + Sync>;
@@ -18,10 +26,11 @@ pub(crate) type Notify = Arc<dyn Fn(Notice) + Send + Sync>;
 /// A machine, the clock it runs by, and where its memory is kept.
 pub(crate) struct Station {
     name: String,
-    /// The address that the rig gives. LAN parameters may change the port.
+    /// The address that the rig gives, with the real port once it is known. LAN parameters may name another port.
     rig_address: SocketAddr,
     clock: Clock,
-    machine: Mutex<Machine>,
+    /// Boxed, so that moving a station does not move the machine's memory with it.
+    machine: Mutex<Box<Machine<Smsd>>>,
     /// Rung when the machine wants to be woken at another time than before.
     wake_changed: tokio::sync::Notify,
     /// Rung when LAN parameters have been applied and the reply has been sent.
@@ -32,13 +41,15 @@ pub(crate) struct Station {
     stored: AtomicU64,
     saver: Saver,
     notify: Notify,
+    /// When each notice that repeats was last told.
+    told: Mutex<[Option<Instant>; REPEATING]>,
 }
 
 /// What has to be done before and after a reply is sent.
 #[derive(Debug, Default)]
 pub(crate) struct Duties {
-    /// The generation of memory that has to be stored before the reply is sent.
-    pub(crate) store: Option<u64>,
+    /// Memory has changed: call [`Station::store`] before the reply is sent.
+    pub(crate) store: bool,
     /// LAN parameters were applied: call [`Station::reconfigure`] once the reply is sent.
     pub(crate) reconfigure: bool,
 }
@@ -46,26 +57,33 @@ pub(crate) struct Duties {
 impl Station {
     /// Switches on the machine of a drive with what the store remembers of it.
     pub(crate) fn power_up(
-        section: &DriveSection,
+        drive: &DriveSection,
+        section: &SmsdSection,
         clock: Clock,
-        store: &Store,
+        store: &mut Store,
         notify: Notify,
     ) -> Result<Station, StoreError> {
-        let name = section.name.get_ref().clone();
+        let name = drive.name.clone();
         let saver = store.saver(&name, section.model);
-        let machine = section.power_up(store.load(&name, section.model)?);
+        let machine = section.power_up(drive, store.load(&name, section.model)?);
         Ok(Station {
-            rig_address: *section.modbus_tcp.get_ref(),
+            rig_address: section.modbus_tcp,
             unit: AtomicU8::new(machine.drive().unit()),
             stored: AtomicU64::new(machine.drive().memory_generation()),
-            machine: Mutex::new(machine),
+            machine: Mutex::new(Box::new(machine)),
             wake_changed: tokio::sync::Notify::new(),
             reconfigured: tokio::sync::Notify::new(),
             name,
             clock,
             saver,
             notify,
+            told: Mutex::default(),
         })
+    }
+
+    /// The drive's name in the rig.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
     }
 
     /// The unit identifier in effect.
@@ -75,12 +93,17 @@ impl Station {
 
     /// Where the drive wants to be reached: at the rig's address, on the port of its LAN parameters if they name one.
     pub(crate) fn address(&self) -> SocketAddr {
-        let port = self.lock().drive().memory().lan.port;
-        SocketAddr::new(self.rig_address.ip(), port.unwrap_or(self.rig_address.port()))
+        SocketAddr::new(self.rig_address.ip(), self.lan_port().unwrap_or(self.rig_address.port()))
     }
 
-    /// Tells the drive which port a rig that left it open has got.
-    pub(crate) fn set_port(&self, port: u16) {
+    /// The port that the LAN parameters name; `None` while the rig's counts.
+    pub(crate) fn lan_port(&self) -> Option<u16> {
+        self.lock().drive().memory().lan.port
+    }
+
+    /// Tells the drive which port it has got from a rig that left it open.
+    pub(crate) fn set_rig_port(&mut self, port: u16) {
+        self.rig_address.set_port(port);
         self.lock().drive_mut().set_port(port);
     }
 
@@ -90,33 +113,29 @@ impl Station {
         if unit != 0 && unit != 255 && unit != self.unit() {
             return None;
         }
-        match decode_request(pdu) {
+        // By reference, since a request or a reply has room for the most that Modbus allows, and moving it copies all.
+        match &decode_request(pdu) {
             Ok(request) => {
-                let (outcome, duties) = self.handle(session, &request);
-                encode_reply(out, transaction, unit, &request, &outcome);
+                let mut machine = self.lock();
+                let wake = machine.next_wake();
+                let outcome = machine.handle(self.clock.now(), session, request);
+                let duties = self.duties(&mut machine);
+                if machine.next_wake() != wake {
+                    self.wake_changed.notify_one();
+                }
+                drop(machine);
+                encode_reply(out, transaction, unit, request, &outcome);
                 Some(duties)
             }
             Err(refusal) => {
-                encode_refusal(out, transaction, unit, refusal);
+                encode_refusal(out, transaction, unit, *refusal);
                 Some(Duties::default())
             }
         }
     }
 
-    fn handle(&self, session: &mut Session, request: &Request) -> (Result<Reply, Exception>, Duties) {
-        let mut machine = self.lock();
-        let now = self.clock.now();
-        let wake = machine.next_wake();
-        let outcome = machine.handle(now, session, request);
-        let duties = self.duties(&mut machine);
-        if machine.next_wake() != wake {
-            self.wake_changed.notify_one();
-        }
-        (outcome, duties)
-    }
-
     /// Drains what the drive tells, and says what is left to do.
-    fn duties(&self, machine: &mut Machine) -> Duties {
+    fn duties(&self, machine: &mut Machine<Smsd>) -> Duties {
         let mut duties = Duties::default();
         while let Some(event) = machine.drive_mut().poll_event() {
             match event {
@@ -128,21 +147,22 @@ impl Station {
             }
         }
         let generation = machine.drive().memory_generation();
-        duties.store = (generation > self.stored.load(Ordering::Acquire)).then_some(generation);
+        duties.store = generation > self.stored.load(Ordering::Acquire);
         duties
     }
 
-    /// Makes sure that the memory of `generation` is stored: what a client sees has survived power-off already.
-    pub(crate) async fn store(&self, generation: u64) -> Result<(), Exception> {
-        let records = {
+    /// Makes sure that the memory as it is now is stored: what a client sees has survived power-off already.
+    pub(crate) async fn store(&self) -> Result<(), Exception> {
+        let (generation, saved) = {
             let mut machine = self.lock();
             let mut records = Vec::new();
             while let Some(record) = machine.drive_mut().take_unsaved() {
                 records.push((record, machine.drive().memory().encode(record).to_vec()));
             }
-            records
+            // Handed in while the machine is locked, so that an older state never follows a newer one.
+            (machine.drive().memory_generation(), self.saver.save(records))
         };
-        match self.saver.save(records).await {
+        match saved.await {
             Ok(()) => {
                 self.stored.fetch_max(generation, Ordering::Release);
                 Ok(())
@@ -177,18 +197,34 @@ impl Station {
                 machine.advance(self.clock.now());
                 self.duties(&mut machine)
             };
-            if let Some(generation) = duties.store {
+            if duties.store {
                 // A failure has been told; the next client to be answered is refused for it, and it is tried again.
-                let _ = self.store(generation).await;
+                let _ = self.store().await;
             }
         }
     }
 
+    /// Tells the person at the server. What comes as often as clients do is told once in a [`NOTICE_REST`].
     pub(crate) fn tell(&self, what: What) {
+        let repeating = match &what {
+            What::Full(_) => Some(0),
+            What::CannotAccept(_) => Some(1),
+            What::NotStored(_) => Some(2),
+            What::Refused(_) | What::Moved(_) | What::CannotMove { .. } => None,
+        };
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(last) = repeating.and_then(|kind| told.get_mut(kind)) {
+            let now = self.clock.now();
+            if last.is_some_and(|last| now.since(last) < NOTICE_REST) {
+                return;
+            }
+            *last = Some(now);
+        }
+        drop(told);
         (self.notify)(Notice { drive: self.name.clone(), what });
     }
 
-    fn lock(&self) -> MutexGuard<'_, Machine> {
+    fn lock(&self) -> MutexGuard<'_, Box<Machine<Smsd>>> {
         // A panic while the lock was held is our bug; the machine itself is whole, since every step of it is.
         self.machine.lock().unwrap_or_else(PoisonError::into_inner)
     }

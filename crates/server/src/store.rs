@@ -4,7 +4,10 @@
 //! all that wait in one transaction, so a drive's reply can wait for its own without holding up others.
 
 use redb::backends::InMemoryBackend;
-use redb::{Builder, Database, ReadableDatabase, ReadableTable, StorageBackend, TableDefinition};
+use redb::{
+    Builder, Database, DatabaseError, ReadableDatabase, ReadableTable, StorageBackend, StorageError,
+    TableDefinition,
+};
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -47,6 +50,14 @@ pub enum StoreError {
         /// The file.
         file: PathBuf,
     },
+    /// The file cannot be read.
+    #[error("{file} cannot be read: {why}; choose another state folder with --state DIR")]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// Why not.
+        why: String,
+    },
     /// The file is not what was written.
     #[error(
         "{file} is damaged ({why}); it was left as it is: move it away to start with factory settings, or choose another state folder with --state DIR"
@@ -73,6 +84,8 @@ pub struct Store {
     file: PathBuf,
     records: BTreeMap<String, Vec<u8>>,
     jobs: mpsc::Sender<Job>,
+    /// Ends when the file has been closed.
+    closed: oneshot::Receiver<()>,
 }
 
 /// Writes the records of one drive.
@@ -108,31 +121,45 @@ impl Store {
             create(folder, &file).map_err(|why| StoreError::Write { file: file.clone(), why })?;
         }
         let records = read(&file)?;
-        let database = Builder::new().set_cache_size(CACHE).open(&file);
-        let database =
-            database.map_err(|error| StoreError::Damaged { file: file.clone(), why: error.to_string() })?;
+        let database = open(&file)?;
         let (jobs, queue) = mpsc::channel();
-        let writer = Writer { file: file.clone(), database, pending: BTreeMap::new(), _lock: lock };
-        thread::Builder::new().name("store".into()).spawn(move || writer.run(&queue)).map_err(unusable)?;
-        Ok(Store { file, records, jobs })
+        let (closing, closed) = oneshot::channel();
+        let mut writer = Writer { file: file.clone(), database: Some(database), pending: BTreeMap::new() };
+        let run = move || {
+            writer.run(&queue);
+            drop(writer);
+            drop(lock);
+            // Nobody waits for it when the rig was just dropped.
+            let _ = closing.send(());
+        };
+        thread::Builder::new().name("store".into()).spawn(run).map_err(unusable)?;
+        Ok(Store { file, records, jobs, closed })
     }
 
-    /// What a drive remembers; factory settings when it has never been stored. Another model of the same name is
+    /// What a drive remembers, once; factory settings when it has never been stored. Another model of the same name is
     /// another drive.
     ///
     /// # Errors
     /// When a record does not hold what it should.
-    pub fn load(&self, drive: &str, model: Model) -> Result<Memory, StoreError> {
+    pub fn load(&mut self, drive: &str, model: Model) -> Result<Memory, StoreError> {
         let mut memory = Memory::factory();
         let prefix = prefix(drive, model);
         for record in Record::ALL {
-            if let Some(bytes) = self.records.get(&format!("{prefix}{}", record.name())) {
+            if let Some(bytes) = self.records.remove(&format!("{prefix}{}", record.name())) {
                 let damaged =
                     |error| StoreError::Damaged { file: self.file.clone(), why: format!("{drive}: {error}") };
-                memory.decode(record, bytes).map_err(damaged)?;
+                memory.decode(record, &bytes).map_err(damaged)?;
             }
         }
         Ok(memory)
+    }
+
+    /// Returns once everything handed in is written and the file is closed: not while anybody can hand in more.
+    pub async fn close(self) {
+        let Store { jobs, closed, .. } = self;
+        drop(jobs);
+        // An error says that the thread has ended in another way, and the file is closed then too.
+        let _ = closed.await;
     }
 
     /// What writes a drive's records from now on.
@@ -146,30 +173,35 @@ fn prefix(drive: &str, model: Model) -> String {
 }
 
 impl Saver {
-    /// Writes records, and returns when they and everything handed in before them is safely on disk. With no records it
-    /// only waits for those before.
-    pub(crate) async fn save(&self, records: Vec<(Record, Vec<u8>)>) -> Result<(), StoreError> {
+    /// Hands records in to be written, now. What it returns ends when they and everything handed in before them is
+    /// safely on disk; with no records it only waits for those before. They are written whether it is awaited or not.
+    pub(crate) fn save(
+        &self,
+        records: Vec<(Record, Vec<u8>)>,
+    ) -> impl Future<Output = Result<(), StoreError>> + use<> {
         let named = |(record, bytes): (Record, Vec<u8>)| (format!("{}{}", self.prefix, record.name()), bytes);
         let (done, outcome) = oneshot::channel();
-        let job = Job { records: records.into_iter().map(named).collect(), done };
-        let ended = || StoreError::Write { file: FILE.into(), why: "the store has ended".into() };
-        self.jobs.send(job).map_err(|_| ended())?;
-        outcome.await.map_err(|_| ended())?
+        // When the thread has ended, the job is dropped here and `outcome` tells of it.
+        let _ = self.jobs.send(Job { records: records.into_iter().map(named).collect(), done });
+        async {
+            let ended = |_| StoreError::Write { file: FILE.into(), why: "the store has ended".into() };
+            outcome.await.map_err(ended)?
+        }
     }
 }
 
 /// The thread that writes.
 struct Writer {
     file: PathBuf,
-    database: Database,
+    /// `None` after a failure: the database does not get over one, and is opened anew for the next commit.
+    database: Option<Database>,
     /// Records that could not be written yet, the newest of each name.
     pending: BTreeMap<String, Vec<u8>>,
-    _lock: File,
 }
 
 impl Writer {
     /// Writes what comes, all that waits in one transaction, until everybody who could send has gone.
-    fn run(mut self, queue: &mpsc::Receiver<Job>) {
+    fn run(&mut self, queue: &mpsc::Receiver<Job>) {
         while let Ok(first) = queue.recv() {
             let mut waiting = Vec::new();
             for job in std::iter::once(first).chain(queue.try_iter()) {
@@ -188,15 +220,34 @@ impl Writer {
         if self.pending.is_empty() {
             return Ok(());
         }
-        write(&self.database, &self.pending)
-            .map_err(|error| StoreError::Write { file: self.file.clone(), why: error.to_string() })?;
+        let failed =
+            |error: redb::Error| StoreError::Write { file: self.file.clone(), why: error.to_string() };
+        let database = match self.database.take() {
+            Some(database) => database,
+            None => open(&self.file)?,
+        };
+        write(&database, &self.pending).map_err(failed)?;
+        self.database = Some(database);
         self.pending.clear();
         Ok(())
     }
 }
 
+fn open(file: &Path) -> Result<Database, StoreError> {
+    Builder::new().set_cache_size(CACHE).open(file).map_err(|error| {
+        let (file, why) = (file.into(), error.to_string());
+        if matches!(error, DatabaseError::Storage(StorageError::Io(_))) {
+            StoreError::Write { file, why }
+        } else {
+            StoreError::Damaged { file, why }
+        }
+    })
+}
+
 fn write(database: &Database, records: &BTreeMap<String, Vec<u8>>) -> Result<(), redb::Error> {
-    let transaction = database.begin_write()?;
+    let mut transaction = database.begin_write()?;
+    // So that a damaged last commit is not taken for one that was interrupted, and silently undone.
+    transaction.set_two_phase_commit(true);
     {
         let mut table = transaction.open_table(RECORDS)?;
         for (name, bytes) in records {
@@ -228,7 +279,8 @@ fn create(folder: &Path, file: &Path) -> Result<(), String> {
 /// as it is, damaged or not.
 fn read(file: &Path) -> Result<BTreeMap<String, Vec<u8>>, StoreError> {
     let damaged = |why: String| StoreError::Damaged { file: file.into(), why };
-    let bytes = fs::read(file).map_err(|error| damaged(error.to_string()))?;
+    let bytes =
+        fs::read(file).map_err(|error| StoreError::Read { file: file.into(), why: error.to_string() })?;
     // A structure that is broken in the right places makes the database panic where it should return an error.
     let checked = quietly(move || read_copy(&bytes).map_err(|error| error.to_string()));
     checked.unwrap_or_else(|| Err("its structure is broken".into())).map_err(damaged)
