@@ -1,7 +1,9 @@
 //! What both families have in common: the seam between a controller and the world around it.
 
+use crate::smd3::Smd3;
 use crate::smsd::Smsd;
 use stepdrive_motion::Direction;
+use stepdrive_spec::smd3;
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::time::Instant;
 
@@ -51,6 +53,12 @@ impl Signal for Input {
     }
 }
 
+impl Signal for smd3::signals::Signal {
+    fn bit(self) -> u16 {
+        smd3::signals::Signal::bit(self)
+    }
+}
+
 impl Controller for Smsd {
     type Signal = Input;
 
@@ -80,5 +88,37 @@ impl Controller for Smsd {
 
     fn when_rotor_reaches(&self, place: i64) -> Option<Instant> {
         Smsd::when_rotor_reaches(self, place)
+    }
+}
+
+impl Controller for Smd3 {
+    type Signal = smd3::signals::Signal;
+
+    fn next_wake(&self) -> Option<Instant> {
+        Smd3::next_wake(self).map(|(at, _)| at)
+    }
+
+    fn handle_wake(&mut self, now: Instant) {
+        Smd3::handle_wake(self, now);
+    }
+
+    fn set_signal(&mut self, now: Instant, signal: smd3::signals::Signal, present: bool) {
+        Smd3::set_signal(self, now, signal, present);
+    }
+
+    fn rotor(&self, now: Instant) -> i64 {
+        Smd3::rotor(self, now)
+    }
+
+    fn direction(&self) -> Direction {
+        Smd3::direction(self)
+    }
+
+    fn speed(&self, now: Instant) -> f64 {
+        Smd3::speed(self, now)
+    }
+
+    fn when_rotor_reaches(&self, place: i64) -> Option<Instant> {
+        Smd3::when_rotor_reaches(self, place)
     }
 }

@@ -42,29 +42,23 @@ struct Place {
     half: u16,
 }
 
-/// Walks the rows under `count` addresses from `address`. The last item is an error when one of them is not listed.
-/// Looking for the first row is most of the work: a walk that is needed again is cloned.
-fn spans(table: Table, address: u16, count: u16) -> impl Iterator<Item = Result<Span, Exception>> + Clone {
+/// The rows under `count` addresses from `address`; an error when one of the addresses is not listed.
+fn spans(table: Table, address: u16, count: u16) -> Result<impl Iterator<Item = Span> + Clone, Exception> {
     let key = |table: Table, address: u16| (table as u32) << 16 | u32::from(address);
     let behind = REGISTERS.partition_point(|row| key(row.table, row.address) <= key(table, address));
-    let mut rows = REGISTERS.get(behind.saturating_sub(1)..).unwrap_or(&[]).iter();
+    let rows = REGISTERS.get(behind.saturating_sub(1)..).unwrap_or(&[]);
+    let end = address.checked_add(count).ok_or(Exception::IllegalDataAddress)?;
     let mut next = address;
-    let mut left = count;
-    core::iter::from_fn(move || {
-        if left == 0 {
-            return None;
-        }
-        let within = |row: &&Register| row.table == table && (row.address..row.end()).contains(&next);
-        let Some(row) = rows.next().filter(within) else {
-            left = 0;
-            return Some(Err(Exception::IllegalDataAddress));
-        };
-        let taken = left.min(row.end() - next);
-        let span = Span { row, offset: next - row.address, count: taken };
-        left -= taken;
-        next += taken;
-        Some(Ok(span))
-    })
+    let mut touched = 0;
+    while next < end {
+        let follows = |row: &&Register| row.table == table && (row.address..row.end()).contains(&next);
+        next = rows.get(touched).filter(follows).ok_or(Exception::IllegalDataAddress)?.end();
+        touched += 1;
+    }
+    Ok(rows.iter().take(touched).map(move |row| {
+        let first = row.address.max(address);
+        Span { row, offset: first - row.address, count: row.end().min(end) - first }
+    }))
 }
 
 impl Smsd {
@@ -77,8 +71,7 @@ impl Smsd {
         count: u16,
     ) -> Result<Bits, Exception> {
         let mut bits = Bits::EMPTY;
-        for span in spans(table, address, count) {
-            let span = span?;
+        for span in spans(table, address, count)? {
             readable(span.row, session)?;
             for place in span.places() {
                 let _ = bits.push(self.value(now, session, span.row.id, place.index) != 0);
@@ -96,8 +89,7 @@ impl Smsd {
         count: u16,
     ) -> Result<Words, Exception> {
         let mut words = Words::new();
-        for span in spans(table, address, count) {
-            let span = span?;
+        for span in spans(table, address, count)? {
             readable(span.row, session)?;
             for place in span.places() {
                 let value = self.value(now, session, span.row.id, place.index);
@@ -115,12 +107,12 @@ impl Smsd {
         address: u16,
         values: &Bits,
     ) -> Result<(), Exception> {
-        let spans = spans(Table::Coils, address, values.len());
+        let spans = spans(Table::Coils, address, values.len())?;
         for span in spans.clone() {
-            writable(span?.row, session)?;
+            writable(span.row, session)?;
         }
         let mut rest = values.iter();
-        for span in spans.flatten() {
+        for span in spans {
             for (_, value) in span.places().zip(&mut rest) {
                 self.write_coil(now, span.row.id, value);
             }
@@ -138,9 +130,9 @@ impl Smsd {
         values: &[u16],
     ) -> Result<(), Exception> {
         let count = u16::try_from(values.len()).unwrap_or(u16::MAX);
-        let spans = spans(Table::HoldingRegisters, address, count);
+        let spans = spans(Table::HoldingRegisters, address, count)?;
         for span in spans.clone() {
-            writable(span?.row, session)?;
+            writable(span.row, session)?;
         }
         let mut action = None;
         let mut state_allows = true;
@@ -413,12 +405,9 @@ impl Smsd {
 }
 
 /// The rows of a checked write, each with the values that fall on it.
-fn parts(
-    spans: impl Iterator<Item = Result<Span, Exception>>,
-    values: &[u16],
-) -> impl Iterator<Item = (Span, &[u16])> {
+fn parts(spans: impl Iterator<Item = Span>, values: &[u16]) -> impl Iterator<Item = (Span, &[u16])> {
     let mut rest = values;
-    spans.flatten().map_while(move |span| {
+    spans.map_while(move |span| {
         let (part, behind) = rest.split_at_checked(usize::from(span.count))?;
         rest = behind;
         Some((span, part))
