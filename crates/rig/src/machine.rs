@@ -3,8 +3,11 @@
 use crate::mechanics::{Mechanics, Switch};
 use alloc::vec::Vec;
 use stepdrive_drive::controller::{Controller, ROTOR_UNITS, Signal};
+use stepdrive_drive::smd3::Smd3;
 use stepdrive_drive::smsd::{Session, Smsd};
 use stepdrive_spec::modbus::{Exception, Reply, Request};
+use stepdrive_spec::smd3::commands as smd3_commands;
+use stepdrive_spec::smd3::errors::Error;
 use stepdrive_spec::time::Instant;
 
 /// A controller of either family with its motor, mechanics and switches.
@@ -42,6 +45,21 @@ impl Machine<Smsd> {
         }
         self.mechanics.follow(self.drive.rotor(now));
         let reply = self.drive.handle(now, session, request);
+        self.plan_wake(now);
+        reply
+    }
+}
+
+impl Machine<Smd3> {
+    /// Answers a line at `now`; see [`Smd3::handle`].
+    pub fn handle(
+        &mut self,
+        now: Instant,
+        line: Result<Option<smd3_commands::Request>, Error>,
+    ) -> smd3_commands::Reply {
+        self.advance(now);
+        self.mechanics.follow(self.drive.rotor(now));
+        let reply = self.drive.handle(now, line);
         self.plan_wake(now);
         reply
     }

@@ -29,7 +29,7 @@ fn machine(drive: &DriveSection, memory: Memory) -> Machine<Smsd> {
 
 #[test]
 fn the_demo_rig_is_a_stage_with_two_switches_and_shows_the_defaults() {
-    let (demo, plain) = (drive(DEMO), drive(MINIMAL));
+    let (demo, plain) = (RigFile::parse(DEMO).expect("valid").drives[0].clone(), drive(MINIMAL));
     assert_eq!((demo.name.as_str(), demo.steps_per_rev), ("stage", plain.steps_per_rev));
     let (demo, plain) = (smsd(&demo), smsd(&plain));
     assert_eq!((demo.model, demo.modbus_tcp.to_string().as_str()), (Model::Smsd42, "127.0.0.1:5020"));

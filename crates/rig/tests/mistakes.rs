@@ -59,7 +59,7 @@ fn an_unknown_key_is_shown_with_those_that_there_are() {
     check_drive(
         "wheels = 4\n",
         expect![[r#"
-            rig.toml:5:1: unknown field `wheels`, expected one of `name`, `model`, `modbus_tcp`, `word_order`, `autonomous`, `mode_n_programs`, `motor`, `mechanics`, `switch`
+            rig.toml:5:1: unknown field `wheels`, expected one of `name`, `model`, `modbus_tcp`, `serial`, `serial_tcp`, `word_order`, `autonomous`, `mode_n_programs`, `motor`, `mechanics`, `winding`, `switch`
               |
             5 | wheels = 4
               | ^^^^^^"#]],
@@ -119,10 +119,10 @@ fn a_name_that_is_none_of_a_few_is_shown_with_those_that_there_are() {
     check(
         &MINIMAL.replace("SMSD-8.0LAN", "SMSD-8.0"),
         expect![[r#"
-        rig.toml:3:9: model `SMSD-8.0` is unknown; it is one of SMSD-4.2LAN, SMSD-8.0LAN
-          |
-        3 | model = "SMSD-8.0"
-          |         ^^^^^^^^^^"#]],
+            rig.toml:3:9: model `SMSD-8.0` is unknown; it is one of SMSD-4.2LAN, SMSD-8.0LAN, SMD3
+              |
+            3 | model = "SMSD-8.0"
+              |         ^^^^^^^^^^"#]],
     );
 }
 
@@ -399,10 +399,10 @@ fn a_missing_key_is_named() {
     check(
         &MINIMAL.replace("modbus_tcp = \"127.0.0.1:5020\"\n", ""),
         expect![[r#"
-            rig.toml:1:1: missing field `modbus_tcp`
+            rig.toml:2:8: an SMSD needs an address to listen on, as in modbus_tcp = "127.0.0.1:5020"
               |
-            1 | [[drive]]
-              | ^^^^^^^^^"#]],
+            2 | name = "stage"
+              |        ^^^^^^^"#]],
     );
     check_drive(
         "[[drive.switch]]\ninput = \"IN0\"\n",

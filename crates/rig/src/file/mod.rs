@@ -3,6 +3,7 @@
 //! Everything but a drive's `name`, `model` and address has a default. What a person gets wrong is told with the file's
 //! name, line and column.
 
+mod checked;
 mod mistake;
 mod written;
 
@@ -13,7 +14,9 @@ use crate::mechanics::{Mechanics, Switch, Travel};
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::net::SocketAddr;
+use stepdrive_drive::smd3::{self, Smd3, Stored, Thermal};
 use stepdrive_drive::smsd::{Config, Memory, Smsd, WordOrder};
+use stepdrive_spec::smd3::signals::{Sensor, Signal};
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::time::Instant;
@@ -58,6 +61,8 @@ pub struct DriveSection {
 pub enum ControllerSection {
     /// An SMSD.
     Smsd(SmsdSection),
+    /// An SMD3.
+    Smd3(Smd3Section),
 }
 
 /// An SMSD in a rig.
@@ -77,6 +82,28 @@ pub struct SmsdSection {
     pub switches: Vec<SwitchSection<Input>>,
 }
 
+/// An SMD3 in a rig. It has a virtual COM port, or takes its lines over TCP, or both.
+#[derive(Clone, Debug)]
+pub struct Smd3Section {
+    /// Its virtual COM port.
+    pub serial: Option<SerialPort>,
+    /// Where it takes its lines over TCP; port 0 takes a free one.
+    pub serial_tcp: Option<SocketAddr>,
+    /// How the motor warms up.
+    pub thermal: Thermal,
+    /// The temperature sensor at power-up.
+    pub sensor: Sensor,
+    /// The switches along the travel.
+    pub switches: Vec<SwitchSection<Signal>>,
+}
+
+/// A virtual COM port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SerialPort {
+    /// A pseudo-terminal under this name; `None` leaves the name to whoever serves the rig.
+    Pty(Option<String>),
+}
+
 /// A switch: `[[drive.switch]]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwitchSection<S> {
@@ -92,7 +119,7 @@ impl RigFile {
     /// # Errors
     /// The first mistake found, with its place in `text`.
     pub fn parse(text: &str) -> Result<RigFile, RigFileError> {
-        written::parse(text)
+        checked::parse(text)
     }
 }
 
@@ -101,6 +128,15 @@ impl DriveSection {
     pub fn smsd(&self) -> Option<&SmsdSection> {
         match &self.controller {
             ControllerSection::Smsd(section) => Some(section),
+            ControllerSection::Smd3(_) => None,
+        }
+    }
+
+    /// What is particular to it, if it is an SMD3.
+    pub fn smd3(&self) -> Option<&Smd3Section> {
+        match &self.controller {
+            ControllerSection::Smsd(_) => None,
+            ControllerSection::Smd3(section) => Some(section),
         }
     }
 
@@ -123,6 +159,18 @@ impl SmsdSection {
         Machine::power_up(drive.mechanics(), switches(&self.switches), |signals| {
             let [levels, _] = signals.to_le_bytes();
             Smsd::power_up(Instant::ZERO, config, memory, levels)
+        })
+    }
+}
+
+impl Smd3Section {
+    /// The drive that this is part of, switched on with what its flash holds.
+    pub fn power_up(&self, drive: &DriveSection, stored: Stored) -> Machine<Smd3> {
+        let config = smd3::Config { thermal: self.thermal, ..smd3::Config::default() };
+        Machine::power_up(drive.mechanics(), switches(&self.switches), |signals| {
+            let mut drive = Smd3::power_up(Instant::ZERO, config, stored, signals);
+            drive.set_sensor(Instant::ZERO, self.sensor);
+            drive
         })
     }
 }

@@ -1,78 +1,105 @@
-//! A rig file as it is written: TOML with the place of everything that may be wrong, checked, and turned into what it
-//! means.
+//! A rig file as it is written: TOML, with the place of everything that may be wrong.
 
-use super::mistake::RigFileError;
-use super::{ClockMode, ControllerSection, DriveSection, RigFile, SmsdSection, SwitchSection};
-use crate::mechanics::{Switch, Travel};
+use super::{ClockMode, SerialPort};
 use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::net::SocketAddr;
-use core::ops::{Range, RangeInclusive};
+use core::ops::RangeInclusive;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
 use stepdrive_drive::smsd::WordOrder;
-use stepdrive_spec::smsd::inputs::Input;
+use stepdrive_spec::smd3::signals::Sensor;
 use stepdrive_spec::smsd::models::Model;
 use toml::Spanned;
 
 /// A rig.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenRig {
+pub(super) struct WrittenRig {
     #[serde(default)]
-    rig: WrittenClock,
+    pub(super) rig: WrittenClock,
     #[serde(rename = "drive", default)]
-    drives: Vec<WrittenDrive>,
+    pub(super) drives: Vec<WrittenDrive>,
 }
 
 /// `[rig]`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenClock {
+pub(super) struct WrittenClock {
     #[serde(default, deserialize_with = "clock")]
-    clock: ClockMode,
+    pub(super) clock: ClockMode,
 }
 
 /// `[[drive]]`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenDrive {
+pub(super) struct WrittenDrive {
     /// Its name, unique in the rig: letters, digits, `-` and `_`, up to 32.
-    name: Spanned<String>,
+    pub(super) name: Spanned<String>,
     /// Its model.
     #[serde(deserialize_with = "model")]
-    model: Model,
-    /// Where it listens for Modbus TCP; port 0 takes a free one.
-    #[serde(deserialize_with = "address")]
-    modbus_tcp: Spanned<SocketAddr>,
+    pub(super) model: AnyModel,
+    /// SMSD: where it listens for Modbus TCP; port 0 takes a free one.
+    #[serde(default, deserialize_with = "address")]
+    pub(super) modbus_tcp: Option<Spanned<SocketAddr>>,
+    /// SMD3: its virtual COM port.
+    #[serde(default, deserialize_with = "serial")]
+    pub(super) serial: Option<Spanned<SerialPort>>,
+    /// SMD3: where it takes its lines over TCP; port 0 takes a free one.
+    #[serde(default, deserialize_with = "address")]
+    pub(super) serial_tcp: Option<Spanned<SocketAddr>>,
     /// The order of the two words of a 32-bit value.
     #[serde(default, deserialize_with = "word_order")]
-    word_order: WordOrder,
+    pub(super) word_order: Option<Spanned<WordOrder>>,
     /// Autonomous mode: the front panel shows "bF", and the program of `MODE_N_PROGRAMS` starts at power-up.
     #[serde(default)]
-    autonomous: bool,
+    pub(super) autonomous: Option<Spanned<bool>>,
     /// `MODE_N_PROGRAMS` as set at the front panel, 0 to 3; without it the controller keeps the one it remembers.
     #[serde(default, deserialize_with = "mode_n_programs")]
-    mode_n_programs: Option<Spanned<u8>>,
+    pub(super) mode_n_programs: Option<Spanned<u8>>,
     /// The motor.
     #[serde(default)]
-    motor: WrittenMotor,
+    pub(super) motor: WrittenMotor,
     /// The mechanics; without them the axis turns for ever.
     #[serde(default)]
-    mechanics: WrittenMechanics,
+    pub(super) mechanics: WrittenMechanics,
+    /// The winding and its temperature sensor, of an SMD3's motor.
+    pub(super) winding: Option<Spanned<WrittenWinding>>,
     /// The switches along the travel.
     #[serde(rename = "switch", default)]
-    switches: Vec<WrittenSwitch>,
+    pub(super) switches: Vec<WrittenSwitch>,
+}
+
+/// A model of either family.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum AnyModel {
+    Smsd(Model),
+    Smd3,
+}
+
+/// `[drive.winding]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WrittenWinding {
+    /// Temperature around the motor, °C.
+    pub(super) ambient: Option<Spanned<f64>>,
+    /// Time constant, seconds.
+    pub(super) time_constant: Option<Spanned<f64>>,
+    /// Rise over ambient at 1 A in both phases, kelvin.
+    pub(super) rise: Option<Spanned<f64>>,
+    /// The temperature sensor at power-up.
+    #[serde(default, deserialize_with = "sensor")]
+    pub(super) sensor: Sensor,
 }
 
 /// `[drive.motor]`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenMotor {
+pub(super) struct WrittenMotor {
     /// Full steps in a turn, 1 to 10 000.
     #[serde(default = "usual_steps_per_rev", deserialize_with = "steps_per_rev")]
-    steps_per_rev: Spanned<u32>,
+    pub(super) steps_per_rev: Spanned<u32>,
 }
 
 impl Default for WrittenMotor {
@@ -89,59 +116,95 @@ fn usual_steps_per_rev() -> Spanned<u32> {
 /// `[drive.mechanics]`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenMechanics {
+pub(super) struct WrittenMechanics {
     /// The hard ends, in full steps; none by default.
     #[serde(default, deserialize_with = "travel")]
-    travel: Option<Spanned<[f64; 2]>>,
+    pub(super) travel: Option<Spanned<[f64; 2]>>,
     /// Where the carriage stands at power-up, in full steps; 0 by default.
-    start: Option<Spanned<f64>>,
+    pub(super) start: Option<Spanned<f64>>,
 }
 
 /// `[[drive.switch]]`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct WrittenSwitch {
+pub(super) struct WrittenSwitch {
     /// The input it is wired to.
-    #[serde(deserialize_with = "input")]
-    input: Input,
+    pub(super) input: Spanned<String>,
     /// From where to where it is closed, in full steps.
     #[serde(deserialize_with = "interval")]
-    closed: Spanned<[f64; 2]>,
+    pub(super) closed: Spanned<[f64; 2]>,
 }
 
-fn model<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Model, D::Error> {
-    named(deserializer, "model", Model::from_name, &Model::ALL.map(Model::name))
+fn model<'de, D: Deserializer<'de>>(deserializer: D) -> Result<AnyModel, D::Error> {
+    let find = |name: &str| match name {
+        "SMD3" => Some(AnyModel::Smd3),
+        name => Model::from_name(name).map(AnyModel::Smsd),
+    };
+    let [small, large] = Model::ALL.map(Model::name);
+    named(deserializer, "model", find, &[small, large, "SMD3"])
 }
 
-fn input<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Input, D::Error> {
-    named(deserializer, "input", Input::from_name, &Input::ALL.map(Input::name))
+fn sensor<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Sensor, D::Error> {
+    let find = |name: &str| match name {
+        "connected" => Some(Sensor::Connected),
+        "open" => Some(Sensor::Open),
+        "short" => Some(Sensor::Short),
+        _ => None,
+    };
+    named(deserializer, "sensor", find, &["connected", "open", "short"])
+}
+
+fn serial<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<SerialPort>>, D::Error> {
+    let text = Spanned::<String>::deserialize(deserializer)?;
+    let port = match text.get_ref().as_str() {
+        "pty" => Some(SerialPort::Pty(None)),
+        other => other
+            .strip_prefix("pty:")
+            .filter(|path| !path.is_empty())
+            .map(|path| SerialPort::Pty(Some(path.into()))),
+    };
+    let none = || D::Error::custom(format!("serial `{}` is unknown; it is pty or pty:PATH", text.get_ref()));
+    Ok(Some(Spanned::new(text.span(), port.ok_or_else(none)?)))
 }
 
 fn clock<'de, D: Deserializer<'de>>(deserializer: D) -> Result<ClockMode, D::Error> {
     named(deserializer, "clock", |name| (name == "real").then_some(ClockMode::Real), &["real"])
 }
 
-fn word_order<'de, D: Deserializer<'de>>(deserializer: D) -> Result<WordOrder, D::Error> {
+fn word_order<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<WordOrder>>, D::Error> {
     let find = |name: &str| match name {
         "low-first" => Some(WordOrder::LowFirst),
         "high-first" => Some(WordOrder::HighFirst),
         _ => None,
     };
-    named(deserializer, "word_order", find, &["low-first", "high-first"])
+    named_at(deserializer, "word_order", find, &["low-first", "high-first"]).map(Some)
 }
 
-/// Reads one of a few names, and lists them all when it is another.
+/// Reads one of a few names.
 fn named<'de, D: Deserializer<'de>, T>(
     deserializer: D,
     what: &str,
     find: impl Fn(&str) -> Option<T>,
     names: &[&str],
 ) -> Result<T, D::Error> {
-    let name = String::deserialize(deserializer)?;
-    find(&name).ok_or_else(|| {
-        let allowed = if names.len() > 1 { "one of " } else { "" };
-        D::Error::custom(format!("{what} `{name}` is unknown; it is {allowed}{}", names.join(", ")))
-    })
+    named_at(deserializer, what, find, names).map(Spanned::into_inner)
+}
+
+/// Reads one of a few names, and lists them all when it is another.
+fn named_at<'de, D: Deserializer<'de>, T>(
+    deserializer: D,
+    what: &str,
+    find: impl Fn(&str) -> Option<T>,
+    names: &[&str],
+) -> Result<Spanned<T>, D::Error> {
+    let name = Spanned::<String>::deserialize(deserializer)?;
+    let found = find(name.get_ref()).ok_or_else(|| D::Error::custom(unknown(what, name.get_ref(), names)))?;
+    Ok(Spanned::new(name.span(), found))
+}
+
+pub(super) fn unknown(what: &str, name: &str, names: &[&str]) -> String {
+    let allowed = if names.len() > 1 { "one of " } else { "" };
+    format!("{what} `{name}` is unknown; it is {allowed}{}", names.join(", "))
 }
 
 fn mode_n_programs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<u8>>, D::Error> {
@@ -180,13 +243,13 @@ fn interval<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Spanned<[f64; 
     Ok(Spanned::new(numbers.span(), both))
 }
 
-fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Spanned<SocketAddr>, D::Error> {
+fn address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<SocketAddr>>, D::Error> {
     let text = Spanned::<String>::deserialize(deserializer)?;
     let address = text.get_ref().parse().map_err(|_| {
         let text = text.get_ref();
         D::Error::custom(format!("`{text}` is no IP address with a port, as in 127.0.0.1:5020"))
     })?;
-    Ok(Spanned::new(text.span(), address))
+    Ok(Some(Spanned::new(text.span(), address)))
 }
 
 /// How the library that reads the file words what is wrong, and how a person would.
@@ -202,7 +265,7 @@ const WORDING: [(&str, &str); 8] = [
 ];
 
 /// A message about the form of the file, in plain words.
-fn reworded(message: &str) -> String {
+pub(super) fn reworded(message: &str) -> String {
     let mut text = message.trim_end().to_string();
     if text == "invalid type: map, expected a sequence" {
         return "found one table where there may be several; its name stands in double brackets".to_string();
@@ -211,123 +274,4 @@ fn reworded(message: &str) -> String {
         text = text.replacen(theirs, plain, 1);
     }
     text.replace("expected a sequence", "expected a list")
-}
-
-/// The farthest place on a travel that a rig file may name, in full steps.
-const FARTHEST: f64 = 1e9;
-
-/// Reads a rig.
-pub(super) fn parse(text: &str) -> Result<RigFile, RigFileError> {
-    let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
-    let written: WrittenRig = toml::from_str(text)
-        .map_err(|error| RigFileError::new(text, error.span(), reworded(error.message())))?;
-    let at = |(span, message): Mistake| RigFileError::new(text, Some(span), message);
-    if written.drives.is_empty() {
-        let message = "the rig has no drive; begin one with [[drive]]".to_string();
-        return Err(RigFileError::new(text, None, message));
-    }
-    for (number, drive) in written.drives.iter().enumerate() {
-        let earlier = written.drives.get(..number).unwrap_or(&[]);
-        drive.check().and_then(|()| drive.check_unlike(earlier)).map_err(at)?;
-    }
-    let drives = written.drives.into_iter().map(WrittenDrive::meant).collect();
-    Ok(RigFile { clock: written.rig.clock, drives })
-}
-
-/// A mistake and its place.
-type Mistake = (Range<usize>, String);
-
-impl WrittenDrive {
-    /// What a drive without mistakes means.
-    fn meant(self) -> DriveSection {
-        let switch =
-            |switch: WrittenSwitch| SwitchSection { input: switch.input, closed: switch.closed.into_inner() };
-        DriveSection {
-            name: self.name.into_inner(),
-            steps_per_rev: self.motor.steps_per_rev.into_inner(),
-            travel: self.mechanics.travel.map(Spanned::into_inner),
-            start: self.mechanics.start.map_or(0.0, Spanned::into_inner),
-            controller: ControllerSection::Smsd(SmsdSection {
-                model: self.model,
-                modbus_tcp: self.modbus_tcp.into_inner(),
-                word_order: self.word_order,
-                autonomous: self.autonomous,
-                mode_n_programs: self.mode_n_programs.map(Spanned::into_inner),
-                switches: self.switches.into_iter().map(switch).collect(),
-            }),
-        }
-    }
-
-    /// Name and address must not be those of a drive before it.
-    fn check_unlike(&self, earlier: &[WrittenDrive]) -> Result<(), Mistake> {
-        if earlier.iter().any(|other| other.name.get_ref() == self.name.get_ref()) {
-            return Err((
-                self.name.span(),
-                format!("a drive named `{}` is there already", self.name.get_ref()),
-            ));
-        }
-        let address = self.modbus_tcp.get_ref();
-        let same = earlier.iter().find(|other| address.port() != 0 && other.modbus_tcp.get_ref() == address);
-        same.map_or(Ok(()), |other| {
-            let message = format!("{address} is taken by the drive `{}`", other.name.get_ref());
-            Err((self.modbus_tcp.span(), message))
-        })
-    }
-
-    fn check(&self) -> Result<(), Mistake> {
-        check_name(&self.name)?;
-        if let Some(travel) = &self.mechanics.travel {
-            check_interval(travel, "travel")?;
-            if Travel::between(*travel.get_ref()).is_none() {
-                let message = "travel is narrower than 1/256 of a full step; nothing could move".to_string();
-                return Err((travel.span(), message));
-            }
-        }
-        if let Some(start) = &self.mechanics.start {
-            self.check_start(start)?;
-        }
-        for switch in &self.switches {
-            check_interval(&switch.closed, "closed")?;
-            if Switch::new(switch.input, *switch.closed.get_ref()).is_none() {
-                let message =
-                    "closed is narrower than 1/256 of a full step; no microstep would meet it".to_string();
-                return Err((switch.closed.span(), message));
-            }
-        }
-        Ok(())
-    }
-
-    fn check_start(&self, start: &Spanned<f64>) -> Result<(), Mistake> {
-        let place = *start.get_ref();
-        let [low, high] =
-            self.mechanics.travel.as_ref().map_or([-FARTHEST, FARTHEST], |travel| *travel.get_ref());
-        if place >= low && place <= high {
-            return Ok(());
-        }
-        let message = match &self.mechanics.travel {
-            Some(_) => format!("start {place:?} is not within the travel, {low:?} to {high:?}"),
-            None => format!("start is {place:?}; it is within ±1e9 full steps"),
-        };
-        Err((start.span(), message))
-    }
-}
-
-fn check_name(name: &Spanned<String>) -> Result<(), Mistake> {
-    let text = name.get_ref();
-    let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    if (1..=32).contains(&text.len()) && text.chars().all(allowed) {
-        return Ok(());
-    }
-    Err((name.span(), format!("the name `{text}` is not 1 to 32 letters, digits, - and _")))
-}
-
-fn check_interval(interval: &Spanned<[f64; 2]>, key: &str) -> Result<(), Mistake> {
-    let [low, high] = *interval.get_ref();
-    if low < high && low >= -FARTHEST && high <= FARTHEST {
-        return Ok(());
-    }
-    let message = format!(
-        "{key} is [{low:?}, {high:?}]; the first must be below the second, both within ±1e9 full steps"
-    );
-    Err((interval.span(), message))
 }
