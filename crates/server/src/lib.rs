@@ -8,19 +8,26 @@
 //! * `modbus` speaks to clients; [`store`] keeps what survives power-off.
 
 mod clock;
+mod flash;
+mod lines;
 mod modbus;
+mod pty;
+mod smd3;
+mod smsd;
 mod station;
 pub mod store;
 
 use clock::Clock;
-use station::Station;
+use lines::LineListener;
+use smd3::Smd3Station;
+use smsd::SmsdStation;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use stepdrive_drive::smsd::Refusal;
-use stepdrive_rig::file::{ControllerSection, RigFile};
+use stepdrive_rig::file::{ControllerSection, RigFile, SerialPort};
 use stepdrive_spec::smsd::models::Model;
 use store::{Store, StoreError};
 use tokio::task::JoinSet;
@@ -68,6 +75,13 @@ pub enum What {
     NotStored(StoreError),
     /// Accepting connections failed for now.
     CannotAccept(io::Error),
+    /// An SMD3 found its configuration damaged, and came up with the factory's and `CONFIGURATION ERROR`.
+    DamagedConfiguration {
+        /// Where the damaged one is kept.
+        copy: PathBuf,
+    },
+    /// A virtual COM port failed and is served no more.
+    SerialFailed(io::Error),
 }
 
 impl fmt::Display for Notice {
@@ -89,6 +103,10 @@ impl fmt::Display for Notice {
                 )
             }
             What::NotStored(error) => write!(f, "{error}; the client was answered with exception 04"),
+            What::DamagedConfiguration { copy } => {
+                write!(f, "the stored configuration is damaged; a copy is kept in {}", copy.display())
+            }
+            What::SerialFailed(error) => write!(f, "the serial port failed and is closed: {error}"),
             What::CannotAccept(error) => write!(f, "cannot accept connections for the moment: {error}"),
         }
     }
@@ -112,6 +130,16 @@ pub enum StartError {
         /// Why not.
         error: io::Error,
     },
+    /// A virtual COM port cannot be made.
+    #[error("{drive}: cannot make the serial port {}: {error}; name another place with serial = \"pty:PATH\"", path.display())]
+    Serial {
+        /// The drive.
+        drive: String,
+        /// Its name.
+        path: PathBuf,
+        /// Why not.
+        error: io::Error,
+    },
 }
 
 /// What a person can do about an address that cannot be listened on.
@@ -124,17 +152,21 @@ fn listen_advice(remembered: bool) -> &'static str {
     }
 }
 
-/// A drive that is being served.
+/// A drive that is being served, and where it was reached when the server started.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServedDrive {
     /// Its name in the rig.
     pub name: String,
     /// Its model.
-    pub model: Model,
-    /// Where it listened when the server started.
-    pub modbus_tcp: SocketAddr,
-    /// The unit identifier it answered to then.
-    pub unit: u8,
+    pub model: &'static str,
+    /// An SMSD: where it listened for Modbus TCP.
+    pub modbus_tcp: Option<SocketAddr>,
+    /// An SMSD: the unit identifier it answered to.
+    pub unit: Option<u8>,
+    /// An SMD3: its virtual COM port.
+    pub serial: Option<PathBuf>,
+    /// An SMD3: where it took lines over TCP.
+    pub serial_tcp: Option<SocketAddr>,
 }
 
 /// A running rig. Dropping it ends all its tasks; [`Server::stop`] also waits until they have ended.
@@ -153,7 +185,7 @@ impl Server {
     /// When the memory cannot be read or an address cannot be listened on. Nothing is left running then.
     pub async fn start(rig: &RigFile, options: Options) -> Result<Server, StartError> {
         let mut store = Store::open(&options.state)?;
-        match bring_up(rig, &mut store, &Arc::from(options.notify)).await {
+        match bring_up(rig, &options.state, &mut store, &Arc::from(options.notify)).await {
             Ok(ready) => {
                 let mut tasks = JoinSet::new();
                 let drives = ready.into_iter().map(|ready| ready.serve(&mut tasks)).collect();
@@ -180,48 +212,127 @@ impl Server {
 }
 
 /// A drive that is switched on and listens, but is not served yet.
-struct ReadyDrive {
-    model: Model,
-    station: Station,
-    listener: modbus::Listener,
+enum ReadyDrive {
+    Smsd { model: Model, station: SmsdStation, listener: modbus::Listener },
+    Smd3 { station: Smd3Station, pty: Option<OpenPty>, listener: Option<LineListener> },
 }
+
+/// A virtual COM port and its name.
+type OpenPty = (pty::Pty, pty::Clients, pty::PortName);
 
 impl ReadyDrive {
     fn serve(self, tasks: &mut JoinSet<()>) -> ServedDrive {
-        let ReadyDrive { model, station, listener } = self;
-        let served = ServedDrive {
-            name: station.name().to_owned(),
-            model,
-            modbus_tcp: listener.address(),
-            unit: station.unit(),
-        };
-        let station = Arc::new(station);
-        tasks.spawn(Arc::clone(&station).keep_time());
-        tasks.spawn(listener.serve(station));
-        served
+        match self {
+            ReadyDrive::Smsd { model, station, listener } => serve_smsd(model, station, listener, tasks),
+            ReadyDrive::Smd3 { station, pty, listener } => serve_smd3(station, pty, listener, tasks),
+        }
     }
+}
+
+fn serve_smsd(
+    model: Model,
+    station: SmsdStation,
+    listener: modbus::Listener,
+    tasks: &mut JoinSet<()>,
+) -> ServedDrive {
+    let served = ServedDrive {
+        name: station.name().to_owned(),
+        model: model.name(),
+        modbus_tcp: Some(listener.address()),
+        unit: Some(station.unit()),
+        serial: None,
+        serial_tcp: None,
+    };
+    let station = Arc::new(station);
+    tasks.spawn(Arc::clone(&station).keep_time());
+    tasks.spawn(listener.serve(station));
+    served
+}
+
+fn serve_smd3(
+    station: Smd3Station,
+    pty: Option<OpenPty>,
+    listener: Option<LineListener>,
+    tasks: &mut JoinSet<()>,
+) -> ServedDrive {
+    let served = ServedDrive {
+        name: station.name().to_owned(),
+        model: "SMD3",
+        modbus_tcp: None,
+        unit: None,
+        serial: pty.as_ref().map(|(_, _, name)| name.path().to_owned()),
+        serial_tcp: listener.as_ref().map(LineListener::address),
+    };
+    let station = Arc::new(station);
+    tasks.spawn(Arc::clone(&station).keep_time());
+    if let Some((port, clients, name)) = pty {
+        let station = Arc::clone(&station);
+        tasks.spawn(async move {
+            // The name stands for as long as the port is served.
+            let _name = name;
+            lines::serve_pty(port, clients, station).await;
+        });
+    }
+    if let Some(listener) = listener {
+        tasks.spawn(listener.serve(station));
+    }
+    served
 }
 
 /// Switches all drives on and lets them listen.
 async fn bring_up(
     rig: &RigFile,
+    state: &Path,
     store: &mut Store,
     notify: &station::Notify,
 ) -> Result<Vec<ReadyDrive>, StartError> {
     let clock = Clock::start(rig.clock);
     let mut ready = Vec::new();
     for drive in &rig.drives {
-        let ControllerSection::Smsd(section) = &drive.controller;
-        let mut station = Station::power_up(drive, section, clock, store, Arc::clone(notify))?;
-        let listener = listen(&mut station).await?;
-        ready.push(ReadyDrive { model: section.model, station, listener });
+        let notify = Arc::clone(notify);
+        ready.push(match &drive.controller {
+            ControllerSection::Smsd(section) => {
+                let mut station = SmsdStation::power_up(drive, section, clock, store, notify)?;
+                let listener = listen(&mut station).await?;
+                ReadyDrive::Smsd { model: section.model, station, listener }
+            }
+            ControllerSection::Smd3(section) => {
+                let station = Smd3Station::power_up(drive, section, clock, state, notify)?;
+                let pty =
+                    section.serial.as_ref().map(|port| open_pty(&drive.name, port, state)).transpose()?;
+                let listener = match section.serial_tcp {
+                    Some(address) => Some(listen_for_lines(&drive.name, address).await?),
+                    None => None,
+                };
+                ReadyDrive::Smd3 { station, pty, listener }
+            }
+        });
     }
     Ok(ready)
 }
 
+/// Makes a virtual COM port, in the state folder unless the rig names a place.
+fn open_pty(drive: &str, port: &SerialPort, state: &Path) -> Result<OpenPty, StartError> {
+    let SerialPort::Pty(path) = port;
+    let path = path.as_ref().map_or_else(|| state.join(format!("{drive}.tty")), PathBuf::from);
+    // Whoever is told the name may work in another folder.
+    let path = std::path::absolute(&path).unwrap_or(path);
+    pty::open(&path).map_err(|error| StartError::Serial { drive: drive.to_owned(), path, error })
+}
+
+async fn listen_for_lines(drive: &str, address: SocketAddr) -> Result<LineListener, StartError> {
+    let listener = LineListener::bind(address).await;
+    listener.map_err(|error| StartError::Listen {
+        drive: drive.to_owned(),
+        address,
+        remembered: false,
+        error,
+    })
+}
+
 /// Listens where the drive's LAN parameters say, or else where its rig says, and tells the drive a port that the rig left
 /// open.
-async fn listen(station: &mut Station) -> Result<modbus::Listener, StartError> {
+async fn listen(station: &mut SmsdStation) -> Result<modbus::Listener, StartError> {
     let address = station.address();
     match modbus::Listener::bind(address).await {
         Ok(listener) => {

@@ -1,7 +1,7 @@
 //! Modbus TCP: a listener for each drive, a task for each connection.
 
 use crate::What;
-use crate::station::Station;
+use crate::smsd::SmsdStation;
 use socket2::{SockRef, TcpKeepalive};
 use std::io;
 use std::net::SocketAddr;
@@ -52,7 +52,7 @@ impl Listener {
     }
 
     /// Serves the drive's clients until it is dropped.
-    pub(crate) async fn serve(mut self, station: Arc<Station>) {
+    pub(crate) async fn serve(mut self, station: Arc<SmsdStation>) {
         let mut connections = Connections::new(Arc::clone(&station));
         loop {
             tokio::select! {
@@ -73,7 +73,7 @@ impl Listener {
     }
 
     /// Listens at another address. When that cannot be had, the old one stays: a drive that nobody can reach is worse.
-    async fn move_to(&mut self, address: SocketAddr, station: &Station) {
+    async fn move_to(&mut self, address: SocketAddr, station: &SmsdStation) {
         if address.port() == self.address.port() || address.port() == 0 {
             return;
         }
@@ -89,14 +89,14 @@ impl Listener {
 
 /// The clients of one drive.
 struct Connections {
-    station: Arc<Station>,
+    station: Arc<SmsdStation>,
     tasks: JoinSet<()>,
     /// The sockets of the network chip.
     sockets: Arc<Semaphore>,
 }
 
 impl Connections {
-    fn new(station: Arc<Station>) -> Connections {
+    fn new(station: Arc<SmsdStation>) -> Connections {
         let sockets = Arc::new(Semaphore::new(MAX_CONNECTIONS));
         Connections { station, tasks: JoinSet::new(), sockets }
     }
@@ -155,7 +155,7 @@ impl Connection {
 
     /// Answers requests until the client leaves, falls silent in the middle of one, stops taking replies, or sends what
     /// cannot be Modbus.
-    async fn serve(mut self, station: &Station) -> io::Result<()> {
+    async fn serve(mut self, station: &SmsdStation) -> io::Result<()> {
         loop {
             self.receive().await?;
             let intact = self.answer(station).await?;
@@ -180,7 +180,7 @@ impl Connection {
 
     /// Answers every whole frame in the input and keeps the rest. `false` when the connection is over: its stream cannot
     /// be followed any more, or the network chip is set up anew.
-    async fn answer(&mut self, station: &Station) -> io::Result<bool> {
+    async fn answer(&mut self, station: &SmsdStation) -> io::Result<bool> {
         let mut taken = 0;
         let intact = loop {
             let bytes = self.input.get(taken..self.filled).unwrap_or(&[]);

@@ -91,7 +91,7 @@ impl Bench {
     }
 
     pub(crate) fn address_of(&self, drive: usize) -> SocketAddr {
-        self.server.drives()[drive].modbus_tcp
+        self.server.drives()[drive].modbus_tcp.expect("an SMSD")
     }
 
     /// The file of the non-volatile memory.

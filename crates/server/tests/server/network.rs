@@ -74,7 +74,7 @@ async fn a_new_unit_and_a_new_port_are_in_effect_and_survive_a_restart() {
 
     let bench = bench.restart().await;
     assert_eq!(bench.address(), new);
-    assert_eq!(bench.server.drives()[0].unit, 9);
+    assert_eq!(bench.server.drives()[0].unit, Some(9));
     let mut client = Client::connect(new).await;
     client.unit = 9;
     assert!(client.log_in(crate::bench::PASSWORD).await);
