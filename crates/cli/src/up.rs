@@ -6,10 +6,11 @@ use serde::Serialize;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::path::PathBuf;
 use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
-use stepdrive_rig::file::{ControllerSection, DriveSection, RigFile, SwitchSection};
+use stepdrive_rig::file::{ControllerSection, DriveSection, SwitchSection};
 use stepdrive_server::{Notice, Options, ServedDrive, Server};
 use tokio::runtime;
 
@@ -25,7 +26,12 @@ struct Ready {
 struct ReadyDrive {
     name: String,
     model: &'static str,
-    modbus_tcp: SocketAddr,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    modbus_tcp: Option<SocketAddr>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    serial: Option<PathBuf>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    serial_tcp: Option<SocketAddr>,
 }
 
 /// Brings up the rig and serves it until the process is asked to end.
@@ -117,8 +123,8 @@ impl Talk {
 
 fn ready_line(drives: &[ServedDrive]) -> Result<String, Failure> {
     let drive = |drive: &ServedDrive| {
-        let ServedDrive { name, model, modbus_tcp, .. } = drive;
-        ReadyDrive { name: name.clone(), model: model.name(), modbus_tcp: *modbus_tcp }
+        let ServedDrive { name, model, modbus_tcp, unit: _, serial, serial_tcp } = drive.clone();
+        ReadyDrive { name, model, modbus_tcp, serial, serial_tcp }
     };
     let ready = Ready { event: "ready", drives: drives.iter().map(drive).collect() };
     let line = serde_json::to_string(&ready).map_err(|error| Failure::Failed(error.to_string()))?;
@@ -129,41 +135,64 @@ fn ready_line(drives: &[ServedDrive]) -> Result<String, Failure> {
 fn welcome(rig: &Rig, drives: &[ServedDrive]) -> String {
     let mut text = format!("stepdrive {}: {} is up.\n\n", env!("CARGO_PKG_VERSION"), rig.name);
     for (served, section) in drives.iter().zip(&rig.file.drives) {
-        let ServedDrive { name, model, modbus_tcp, unit } = served;
-        let _ = writeln!(text, "  {name}  {model}  Modbus TCP {modbus_tcp}, unit {unit}");
+        let ServedDrive { name, model, .. } = served;
+        let _ = writeln!(text, "  {name}  {model}  {}", reached(served));
         let _ = writeln!(text, "  {:width$}  {}", "", mechanics(section), width = name.len());
     }
     let _ = writeln!(text, "\nNon-volatile memory: {}", rig.state.display());
-    if let Some(first) = drives.first() {
-        text.push_str(&things_to_try(first, &rig.file));
-    }
+    text.push_str(&things_to_try(drives));
     text.push_str("\nCtrl-C ends it.\n");
     text
 }
 
-fn things_to_try(first: &ServedDrive, rig: &RigFile) -> String {
-    let (unit, port) = (first.unit, first.modbus_tcp.port());
-    // A drive that listens on all addresses is reached at this one.
-    let host = match first.modbus_tcp.ip() {
+/// Where a drive is reached.
+fn reached(drive: &ServedDrive) -> String {
+    let modbus = drive.modbus_tcp.zip(drive.unit).map(|(at, unit)| format!("Modbus TCP {at}, unit {unit}"));
+    let serial = drive.serial.as_ref().map(|path| format!("serial port {}", path.display()));
+    let serial_tcp = drive.serial_tcp.map(|at| format!("lines over TCP {at}"));
+    [modbus, serial, serial_tcp].into_iter().flatten().collect::<Vec<String>>().join(", ")
+}
+
+/// Three things to try, with the first drive of each family.
+fn things_to_try(drives: &[ServedDrive]) -> String {
+    let mut things = Vec::new();
+    if let Some((at, unit)) = drives.iter().find_map(|drive| drive.modbus_tcp.zip(drive.unit)) {
+        let (host, port) = (reachable(at), at.port());
+        things.push(format!(
+            "ask it who it is, which needs no password (Debian: apt install mbpoll):
+     mbpoll -m tcp -p {port} -a {unit} -0 -1 -t 3:hex -r 0x8001 -c 4 {host}"
+        ));
+        things.push(format!(
+            "log in, find the zero switch, go there and back (pip install pymodbus):
+     python3 examples/first_move.py {host} {port}"
+        ));
+    }
+    if let Some(path) = drives.iter().find_map(|drive| drive.serial.as_ref()) {
+        let path = path.display();
+        things.push(format!(
+            "talk to the SMD3 as to the real one: MODE,2 then RUNR,1000 then PACT (pip install pyserial):
+     python3 -m serial.tools.miniterm --eol CRLF {path} 115200"
+        ));
+    }
+    let program = std::env::args().next().unwrap_or_else(|| "stepdrive".to_owned());
+    things.push(format!(
+        "make a rig of your own:
+     {program} example-rig > my-rig.toml && {program} up my-rig.toml"
+    ));
+    let mut text = "\nThings to try from another terminal:\n".to_owned();
+    for (number, thing) in (1..).zip(things) {
+        let _ = writeln!(text, "  {number}. {thing}");
+    }
+    text
+}
+
+/// The host under which an address is reached from here: a drive that listens on all addresses is reached at this one.
+fn reachable(address: SocketAddr) -> IpAddr {
+    match address.ip() {
         IpAddr::V4(host) if host.is_unspecified() => IpAddr::from(Ipv4Addr::LOCALHOST),
         IpAddr::V6(host) if host.is_unspecified() => IpAddr::from(Ipv6Addr::LOCALHOST),
         host @ (IpAddr::V4(_) | IpAddr::V6(_)) => host,
-    };
-    let mine = match rig.drives.len() {
-        1 => "make a rig of your own",
-        _ => "make another rig",
-    };
-    format!(
-        "
-Three things to try from another terminal:
-  1. ask it who it is, which needs no password (Debian: apt install mbpoll):
-     mbpoll -m tcp -p {port} -a {unit} -0 -1 -t 3:hex -r 0x8001 -c 4 {host}
-  2. log in, find the zero switch, go there and back (pip install pymodbus):
-     python3 examples/first_move.py {host} {port}
-  3. {mine}:
-     stepdrive example-rig > my-rig.toml && stepdrive up my-rig.toml
-"
-    )
+    }
 }
 
 /// What hangs on a drive, in one line.
@@ -175,6 +204,7 @@ fn mechanics(section: &DriveSection) -> String {
     });
     match &section.controller {
         ControllerSection::Smsd(smsd) => parts.extend(smsd.switches.iter().map(switch)),
+        ControllerSection::Smd3(smd3) => parts.extend(smd3.switches.iter().map(switch)),
     }
     parts.join(", ")
 }

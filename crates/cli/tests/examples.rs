@@ -1,4 +1,5 @@
 //! The programs in `examples/programs`, run on virtual time: each does what its comment says.
+#![allow(clippy::float_cmp, reason = "a standing motor has speed 0 exactly")]
 
 use std::fs;
 use std::path::Path;
