@@ -36,6 +36,11 @@ pub(super) struct Lowering {
 }
 
 /// Bake, to a temperature.
+///
+/// ASSUMED: the regulator is a PI on the heating power whose integral time is the winding's time constant and which does
+/// not wind up. Then the regulated temperature approaches the set-point exponentially, [`Thermal::bake_gain`] times as
+/// fast as the winding would by itself, without overshoot; farther away the current is at its most, or off. Each of the
+/// three is an exponential, so hours of bake are at most three [`Part`]s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bake {
     pub(super) setpoint: f64,
@@ -111,10 +116,6 @@ impl Lowering {
     }
 }
 
-/// ASSUMED: the regulator is a PI on the heating power whose integral time is the winding's time constant and which does
-/// not wind up. Then the regulated temperature approaches the set-point exponentially, [`Thermal::bake_gain`] times as
-/// fast as the winding would by itself, without overshoot; farther away the current is at its most, or off. Each of the
-/// three is an exponential, so hours of bake are at most three [`Part`]s.
 impl Bake {
     /// The heating in kelvin that the regulator asks for at a temperature, of which it gets between none and the most.
     fn demand(&self, temperature: f64, thermal: &Thermal) -> f64 {
