@@ -36,12 +36,14 @@ closed = [300.0, 320.0]
 class Rig:
     """One controller named `stage`, in a folder that keeps its memory over restarts."""
 
+    text = RIG
+
     def __init__(self, folder: pathlib.Path, model: str):
         self.model = model
         self.folder = folder
         self.port = 0
         self.process = None
-        (folder / "rig.toml").write_text(RIG.format(model=model, host=HOST))
+        (folder / "rig.toml").write_text(self.text.format(model=model, host=HOST))
 
     def start(self):
         """Starts the process and waits until it says that it is ready, and where."""
@@ -52,6 +54,10 @@ class Rig:
         ready = json.loads(self._first_line())
         assert ready["event"] == "ready"
         (drive,) = ready["drives"]
+        self._take(drive)
+
+    def _take(self, drive):
+        """Remembers where the drive says that it is reached."""
         assert (drive["name"], drive["model"]) == ("stage", self.model)
         host, port = drive["modbus_tcp"].rsplit(":", 1)
         assert host == HOST

@@ -19,9 +19,9 @@ HOME_AND_SHUTTLE = """
     SCAN_ZERO_R 800         ; line 4
 again:
     GO_TO 1600              ; line 5
-    SET_WAIT 20ms
+    SET_WAIT 200ms
     GO_TO 0
-    SET_WAIT_2 20ms
+    SET_WAIT_2 200ms
     GOTO_PROGRAM again      ; line 9
 """
 

@@ -7,8 +7,9 @@ use crate::store::StoreError;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use stepdrive_drive::smd3::{Settings, Stored};
+use tokio::sync::Semaphore;
 
 /// How many damaged configurations of a drive are kept beside the good one.
 const KEPT: u32 = 1000;
@@ -17,14 +18,15 @@ const KEPT: u32 = 1000;
 #[derive(Clone, Debug)]
 pub(crate) struct Flash {
     file: Arc<PathBuf>,
-    /// Held while the file is being replaced, so that an older configuration never follows a newer one.
-    writing: Arc<Mutex<()>>,
+    /// The turn to replace the file, so that an older configuration never follows a newer one. There is none any more
+    /// once the flash is closed.
+    turn: Arc<Semaphore>,
 }
 
 impl Flash {
     /// The flash of the drive with this name, in a state folder.
     pub(crate) fn new(folder: &Path, drive: &str) -> Flash {
-        Flash { file: Arc::new(folder.join(format!("{drive}.smd3"))), writing: Arc::default() }
+        Flash { file: Arc::new(folder.join(format!("{drive}.smd3"))), turn: Arc::new(Semaphore::new(1)) }
     }
 
     /// What it holds, and where a damaged configuration was copied to.
@@ -60,17 +62,26 @@ impl Flash {
     }
 
     /// Puts a configuration in the place of what it holds; `latest` is asked for it when its turn has come. What was there
-    /// stays until the new one is safely written.
+    /// stays until the new one is safely written. Once begun it is brought to its end, whether it is awaited or not.
     pub(crate) async fn save(
         &self,
         latest: impl FnOnce() -> Option<Vec<u8>> + Send + 'static,
     ) -> io::Result<()> {
-        let flash = self.clone();
+        let turn = Arc::clone(&self.turn).acquire_owned().await.map_err(io::Error::other)?;
+        let file = Arc::clone(&self.file);
         let written = tokio::task::spawn_blocking(move || {
-            let _turn = flash.writing.lock().unwrap_or_else(PoisonError::into_inner);
-            latest().map_or(Ok(()), |bytes| replace(&flash.file, &bytes))
+            let written = latest().map_or(Ok(()), |bytes| replace(&file, &bytes));
+            drop(turn);
+            written
         });
         written.await.map_err(io::Error::other)?
+    }
+
+    /// Returns once what was begun is written; nothing is written any more.
+    pub(crate) async fn close(&self) {
+        // An error says that it is closed already.
+        let _turn = self.turn.acquire().await;
+        self.turn.close();
     }
 }
 
@@ -116,5 +127,25 @@ mod tests {
         }
         assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 2);
         assert_eq!(fs::read(&*flash.file).expect("readable"), bytes);
+    }
+
+    #[test]
+    fn a_configuration_with_any_byte_flipped_or_cut_off_anywhere_is_damaged() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let flash = Flash::new(folder.path(), "uhv");
+        let intact = Settings::factory().encode().to_vec();
+        let flipped = (0..intact.len()).map(|at| {
+            let mut bytes = intact.clone();
+            bytes[at] ^= 1 << (at % 8);
+            bytes
+        });
+        let cut = (0..intact.len()).map(|length| intact[..length].to_vec());
+        for bytes in flipped.chain(cut) {
+            fs::write(&*flash.file, &bytes).expect("written");
+            let (stored, copy) = flash.load().expect("readable");
+            assert_eq!(stored, Stored::Damaged);
+            assert_eq!(fs::read(copy.expect("a copy")).expect("readable"), bytes);
+            assert_eq!(fs::read(&*flash.file).expect("readable"), bytes);
+        }
     }
 }

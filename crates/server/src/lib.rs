@@ -18,6 +18,7 @@ mod station;
 pub mod store;
 
 use clock::Clock;
+use flash::Flash;
 use lines::LineListener;
 use smd3::Smd3Station;
 use smsd::SmsdStation;
@@ -73,6 +74,8 @@ pub enum What {
     },
     /// Non-volatile memory could not be written: the client got exception 04.
     NotStored(StoreError),
+    /// The flash of an SMD3 could not be written: `STORE` was answered with -5.
+    StoreFailed(StoreError),
     /// Accepting connections failed for now.
     CannotAccept(io::Error),
     /// An SMD3 found its configuration damaged, and came up with the factory's and `CONFIGURATION ERROR`.
@@ -90,10 +93,7 @@ impl fmt::Display for Notice {
         match &self.what {
             What::Refused(refusal) => write!(f, "{refusal}"),
             What::Full(peer) => {
-                write!(
-                    f,
-                    "{peer} turned away: 8 clients are connected, and the controller has no more sockets"
-                )
+                write!(f, "{peer} turned away: 8 clients are connected, and the controller serves no more")
             }
             What::Moved(address) => write!(f, "network configuration applied; now on Modbus TCP {address}"),
             What::CannotMove { to, error } => {
@@ -103,6 +103,7 @@ impl fmt::Display for Notice {
                 )
             }
             What::NotStored(error) => write!(f, "{error}; the client was answered with exception 04"),
+            What::StoreFailed(error) => write!(f, "{error}; STORE was answered with -5 (Action failed)"),
             What::DamagedConfiguration { copy } => {
                 write!(f, "the stored configuration is damaged; a copy is kept in {}", copy.display())
             }
@@ -175,6 +176,7 @@ pub struct Server {
     drives: Vec<ServedDrive>,
     tasks: JoinSet<()>,
     store: Store,
+    flashes: Vec<Flash>,
 }
 
 impl Server {
@@ -188,8 +190,9 @@ impl Server {
         match bring_up(rig, &options.state, &mut store, &Arc::from(options.notify)).await {
             Ok(ready) => {
                 let mut tasks = JoinSet::new();
+                let flashes = ready.iter().filter_map(ReadyDrive::flash).cloned().collect();
                 let drives = ready.into_iter().map(|ready| ready.serve(&mut tasks)).collect();
-                Ok(Server { drives, tasks, store })
+                Ok(Server { drives, tasks, store, flashes })
             }
             Err(error) => {
                 store.close().await;
@@ -207,6 +210,9 @@ impl Server {
     /// free for another server.
     pub async fn stop(mut self) {
         self.tasks.shutdown().await;
+        for flash in &self.flashes {
+            flash.close().await;
+        }
         self.store.close().await;
     }
 }
@@ -218,9 +224,16 @@ enum ReadyDrive {
 }
 
 /// A virtual COM port and its name.
-type OpenPty = (pty::Pty, pty::Clients, pty::PortName);
+type OpenPty = (pty::Pty, pty::PortName);
 
 impl ReadyDrive {
+    fn flash(&self) -> Option<&Flash> {
+        match self {
+            ReadyDrive::Smsd { .. } => None,
+            ReadyDrive::Smd3 { station, .. } => Some(station.flash()),
+        }
+    }
+
     fn serve(self, tasks: &mut JoinSet<()>) -> ServedDrive {
         match self {
             ReadyDrive::Smsd { model, station, listener } => serve_smsd(model, station, listener, tasks),
@@ -260,17 +273,17 @@ fn serve_smd3(
         model: "SMD3",
         modbus_tcp: None,
         unit: None,
-        serial: pty.as_ref().map(|(_, _, name)| name.path().to_owned()),
+        serial: pty.as_ref().map(|(_, name)| name.path().to_owned()),
         serial_tcp: listener.as_ref().map(LineListener::address),
     };
     let station = Arc::new(station);
     tasks.spawn(Arc::clone(&station).keep_time());
-    if let Some((port, clients, name)) = pty {
+    if let Some((port, name)) = pty {
         let station = Arc::clone(&station);
         tasks.spawn(async move {
             // The name stands for as long as the port is served.
             let _name = name;
-            lines::serve_pty(port, clients, station).await;
+            lines::serve_pty(port, station).await;
         });
     }
     if let Some(listener) = listener {

@@ -1,9 +1,10 @@
 //! The transports of an SMD3: a virtual COM port, and lines over TCP.
 
 use crate::What;
-use crate::pty::{Clients, Pty};
+use crate::pty::Pty;
 use crate::smd3::Smd3Station;
 use socket2::{SockRef, TcpKeepalive};
+use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -72,33 +73,20 @@ async fn converse<T: AsyncRead + AsyncWrite + Unpin>(
 }
 
 /// Serves a virtual COM port for as long as the drive is served.
-pub(crate) async fn serve_pty(mut port: Pty, mut clients: Clients, station: Arc<Smd3Station>) {
-    loop {
-        let ended = tokio::select! {
-            biased;
-            // A port is patient: what its client does not read waits until it closes.
-            ended = converse(&mut port, &station, Duration::MAX) => ended,
-            gone = clients.all_gone() => gone,
-        };
-        let cleared = match ended {
-            Ok(()) => clear(&port, &clients, &station).await,
-            Err(error) => Err(error),
-        };
-        if let Err(error) = cleared {
-            station.tell(What::SerialFailed(error));
-            return;
-        }
-    }
+pub(crate) async fn serve_pty(mut port: Pty, station: Arc<Smd3Station>) {
+    let Err(error) = serve_clients_of(&mut port, &station).await;
+    station.tell(What::SerialFailed(error));
 }
 
-/// Carries out what the last client sent before it closed the port, and drops what it has not read.
-async fn clear(port: &Pty, clients: &Clients, station: &Smd3Station) -> io::Result<()> {
-    let mut conversation = Conversation::new();
-    let mut chunk = [0; CHUNK];
-    while let Some(count) = port.read_now(&mut chunk)? {
-        conversation.take(chunk.get(..count).unwrap_or(&[]), station).await;
+/// One after the other: the last command of a client is carried out even when it has closed the port by then, and the
+/// next client reads nothing that was meant for it.
+async fn serve_clients_of(port: &mut Pty, station: &Smd3Station) -> Result<Infallible, io::Error> {
+    loop {
+        port.opened().await?;
+        // A port is patient: what its client does not read waits until it closes.
+        converse(port, station, Duration::MAX).await?;
+        port.reset()?;
     }
-    clients.drop_unread()
 }
 
 /// A socket that takes lines for one drive.

@@ -1,27 +1,39 @@
 //! A pseudo-terminal that stands for a USB virtual COM port, under a name that stays the same.
 //!
 //! The drive holds the master; a client opens the name, which is a symbolic link to the slave, as it would open
-//! `/dev/ttyACM0`. Like a COM port it can be opened, closed and opened again; what a client has not read is dropped when
-//! it closes. The kernel tells of that by inotify, so a port that nobody uses costs nothing.
+//! `/dev/ttyACM0`. Like a COM port it can be opened, closed and opened again.
+//!
+//! Whether a client is there the kernel alone knows for certain: while the slave is open nowhere, reading the master
+//! fails with `EIO`, behind all that clients have sent. So nobody here holds the slave open. That a client comes is told
+//! by inotify, so a port that nobody uses costs nothing.
 
-use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::inotify::{self, CreateFlags, WatchFlags};
 use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 use std::io;
 use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
 use std::os::unix::ffi::OsStringExt;
-use std::os::unix::fs::symlink;
+use std::os::unix::fs::{FileTypeExt, symlink};
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 use tokio::io::unix::AsyncFd;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
-/// The drive's end of the port.
+/// The drive's end of the port. Reading gives its end when the last client has closed the port and all that was sent is
+/// read; what is written while nobody is there is lost.
 pub(crate) struct Pty {
-    master: AsyncFd<OwnedFd>,
+    /// `None` only when registering it with tokio has failed.
+    master: Option<AsyncFd<OwnedFd>>,
+    /// Tells when the slave is opened.
+    opened: AsyncFd<OwnedFd>,
+    slave: PathBuf,
+    /// Something was written since it was last dropped.
+    written: bool,
 }
 
 /// The name of the port, for as long as it is held.
@@ -30,36 +42,25 @@ pub(crate) struct PortName {
     slave: PathBuf,
 }
 
-/// Tells when clients open and close the port, and drops what they leave behind.
-pub(crate) struct Clients {
-    events: AsyncFd<OwnedFd>,
-    /// Held open, so that the drive's end never hangs up.
-    slave: OwnedFd,
-    /// How many times clients have it open.
-    open: usize,
-}
-
-/// Makes a port under a name. A link that is there already is replaced; anything else stays, and is an error.
-pub(crate) fn open(link: &Path) -> io::Result<(Pty, Clients, PortName)> {
+/// Makes a port under a name. A link to a port or to nothing is replaced; anything else stays, and is an error.
+pub(crate) fn open(link: &Path) -> io::Result<(Pty, PortName)> {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
     rustix::io::ioctl_fionbio(&master, true)?;
     grantpt(&master)?;
     unlockpt(&master)?;
-    let slave_path = PathBuf::from(std::ffi::OsString::from_vec(ptsname(&master, Vec::new())?.into_bytes()));
-    let slave =
-        rustix::fs::open(&slave_path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
-    // A COM port passes bytes as they are.
-    let mut settings = tcgetattr(&slave)?;
-    settings.make_raw();
-    tcsetattr(&slave, OptionalActions::Now, &settings)?;
-    let events = inotify::init(CreateFlags::CLOEXEC | CreateFlags::NONBLOCK)?;
-    inotify::add_watch(
-        &events,
-        &slave_path,
-        WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE,
-    )?;
-    let name = PortName::claim(link, slave_path)?;
-    Ok((Pty { master: watched(master)? }, Clients { events: watched(events)?, slave, open: 0 }, name))
+    let slave = PathBuf::from(std::ffi::OsString::from_vec(ptsname(&master, Vec::new())?.into_bytes()));
+    // Before the first client has closed it, the master does not know that nobody is there.
+    drop(open_slave(&slave)?);
+    let opened = inotify::init(CreateFlags::CLOEXEC | CreateFlags::NONBLOCK)?;
+    inotify::add_watch(&opened, &slave, WatchFlags::OPEN)?;
+    let name = PortName::claim(link, slave.clone())?;
+    let port = Pty { master: Some(watched(master)?), opened: watched(opened)?, slave, written: false };
+    port.pass_bytes_as_they_are()?;
+    Ok((port, name))
+}
+
+fn open_slave(path: &Path) -> io::Result<OwnedFd> {
+    Ok(rustix::fs::open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?)
 }
 
 /// Lets tokio tell when a descriptor is ready.
@@ -73,7 +74,7 @@ fn watched(descriptor: OwnedFd) -> io::Result<AsyncFd<OwnedFd>> {
 
 impl PortName {
     fn claim(link: &Path, slave: PathBuf) -> io::Result<PortName> {
-        if link.is_symlink() {
+        if link.is_symlink() && std::fs::metadata(link).map_or(true, |to| to.file_type().is_char_device()) {
             std::fs::remove_file(link)?;
         }
         symlink(&slave, link)?;
@@ -95,74 +96,85 @@ impl Drop for PortName {
     }
 }
 
-impl Clients {
-    /// Waits until the last client has closed the port.
-    pub(crate) async fn all_gone(&mut self) -> io::Result<()> {
+impl Pty {
+    /// Waits until a client may have opened the port. It may have closed it again since.
+    pub(crate) async fn opened(&mut self) -> io::Result<()> {
         loop {
-            let mut ready = self.events.readable().await?;
-            let Ok(gone) = ready.try_io(|events| count(events.get_ref(), &mut self.open)) else { continue };
-            if gone? {
-                return Ok(());
+            let mut ready = self.opened.readable().await?;
+            if let Ok(outcome) = ready.try_io(|events| take_events(events.get_ref())) {
+                outcome?;
+                break;
             }
         }
+        self.register_anew()
     }
 
-    /// Drops what nobody has read.
-    pub(crate) fn drop_unread(&self) -> io::Result<()> {
-        Ok(tcflush(&self.slave, QueueSelector::IFlush)?)
+    /// Makes the port as it was before its last client: drops what was not read, and takes back what the client did to
+    /// the line discipline, as with echo on the drive would answer its own replies.
+    pub(crate) fn reset(&mut self) -> io::Result<()> {
+        if std::mem::take(&mut self.written) {
+            tcflush(open_slave(&self.slave)?, QueueSelector::IFlush)?;
+        }
+        self.pass_bytes_as_they_are()
+    }
+
+    fn pass_bytes_as_they_are(&self) -> io::Result<()> {
+        // On the master these are the settings of the slave.
+        let settings = tcgetattr(self.master()?.get_ref())?;
+        let mut raw = settings.clone();
+        raw.make_raw();
+        let modes = |of: &rustix::termios::Termios| (of.input_modes, of.output_modes, of.local_modes);
+        if modes(&raw) != modes(&settings) {
+            tcsetattr(self.master()?.get_ref(), OptionalActions::Now, &raw)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the slave is open nowhere at present.
+    fn is_left(&self) -> io::Result<bool> {
+        let mut asked = [PollFd::new(self.master()?.get_ref(), PollFlags::empty())];
+        poll(&mut asked, Some(&Timespec::default()))?;
+        Ok(asked.iter().any(|about| about.revents().contains(PollFlags::HUP)))
+    }
+
+    fn master(&self) -> io::Result<&AsyncFd<OwnedFd>> {
+        self.master.as_ref().ok_or_else(|| io::ErrorKind::NotConnected.into())
+    }
+
+    /// Registers the master with tokio once more, which never forgets that a descriptor was hung up.
+    fn register_anew(&mut self) -> io::Result<()> {
+        let descriptor = self.master.take().map(AsyncFd::into_inner);
+        self.master = descriptor.map(watched).transpose()?;
+        Ok(())
     }
 }
 
-/// Takes the events that are there into account. `true` when the last client has closed since.
-fn count(events: &OwnedFd, open: &mut usize) -> io::Result<bool> {
-    let mut space = [MaybeUninit::uninit(); 1024];
-    let mut reader = inotify::Reader::new(events, &mut space);
-    let mut gone = false;
-    loop {
-        let event = match reader.next() {
-            Ok(event) => event.events(),
-            Err(rustix::io::Errno::WOULDBLOCK) if gone => return Ok(true),
-            Err(error) => return Err(error.into()),
-        };
-        if event.contains(ReadFlags::OPEN) {
-            *open += 1;
-            gone = false;
-        } else if event.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
-            *open = open.saturating_sub(1);
-            gone = *open == 0;
-        }
-        if reader.is_buffer_empty() && gone {
-            return Ok(true);
-        }
-    }
-}
-
-impl Pty {
-    /// Reads what is there without waiting for more; `None` when there is nothing.
-    pub(crate) fn read_now(&self, space: &mut [u8]) -> io::Result<Option<usize>> {
-        match rustix::io::read(self.master.get_ref(), space) {
-            Ok(0) | Err(rustix::io::Errno::WOULDBLOCK) => Ok(None),
-            Ok(count) => Ok(Some(count)),
-            Err(error) => Err(error.into()),
-        }
-    }
+/// Takes all events that wait. What they are does not matter: only one kind is asked for.
+fn take_events(events: &OwnedFd) -> io::Result<()> {
+    let mut space = [MaybeUninit::<u8>::uninit(); 1024];
+    rustix::io::read(events, &mut space)?;
+    Ok(())
 }
 
 impl AsyncRead for Pty {
     fn poll_read(
-        self: Pin<&mut Self>,
+        mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         loop {
-            let mut guard = ready!(self.master.poll_read_ready(context))?;
-            let space = buffer.initialize_unfilled();
-            match guard.try_io(|master| Ok(rustix::io::read(master.get_ref(), space)?)) {
+            let mut guard = ready!(self.master()?.poll_read_ready(context))?;
+            let hung_up = guard.ready().is_read_closed();
+            match guard.try_io(|master| Ok(rustix::io::read(master.get_ref(), buffer.initialize_unfilled())?))
+            {
                 Ok(Ok(count)) => {
                     buffer.advance(count);
                     return Poll::Ready(Ok(()));
                 }
+                Ok(Err(error)) if is_left(&error) => return Poll::Ready(Ok(())),
                 Ok(Err(error)) => return Poll::Ready(Err(error)),
+                // One client has left, and another has come since.
+                Err(_would_block) if hung_up => self.register_anew()?,
                 Err(_would_block) => {}
             }
         }
@@ -170,11 +182,21 @@ impl AsyncRead for Pty {
 }
 
 impl AsyncWrite for Pty {
-    fn poll_write(self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        self.written = true;
         loop {
-            let mut guard = ready!(self.master.poll_write_ready(context))?;
+            let mut guard = ready!(self.master()?.poll_write_ready(context))?;
+            let hung_up = guard.ready().is_write_closed();
             match guard.try_io(|master| Ok(rustix::io::write(master.get_ref(), bytes)?)) {
+                Ok(Err(error)) if is_left(&error) => return Poll::Ready(Ok(bytes.len())),
                 Ok(written) => return Poll::Ready(written),
+                // Full of what the last client has not read, and nobody will.
+                Err(_would_block) if hung_up && self.is_left()? => return Poll::Ready(Ok(bytes.len())),
+                Err(_would_block) if hung_up => self.register_anew()?,
                 Err(_would_block) => {}
             }
         }
@@ -187,4 +209,9 @@ impl AsyncWrite for Pty {
     fn poll_shutdown(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<io::Result<()>> {
         Poll::Ready(Ok(()))
     }
+}
+
+/// What the master says while the slave is open nowhere.
+fn is_left(error: &io::Error) -> bool {
+    Errno::from_io_error(error) == Some(Errno::IO)
 }

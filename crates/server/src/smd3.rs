@@ -42,6 +42,11 @@ impl Smd3Station {
         self.station.name()
     }
 
+    /// The drive's flash.
+    pub(crate) fn flash(&self) -> &Flash {
+        &self.flash
+    }
+
     /// Tells the person at the server.
     pub(crate) fn tell(&self, what: What) {
         self.station.tell(what);
@@ -56,7 +61,7 @@ impl Smd3Station {
             (reply, machine.drive().memory_generation() != before)
         });
         if stored && let Err(error) = self.store().await {
-            self.tell(What::NotStored(error));
+            self.tell(What::StoreFailed(error));
             reply.outcome = Err(Error::ActionFailed);
         }
         encode_reply(out, &reply);

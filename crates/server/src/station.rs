@@ -77,7 +77,7 @@ impl<C: Controller> Station<C> {
         let repeating = match &what {
             What::Full(_) => Some(0),
             What::CannotAccept(_) => Some(1),
-            What::NotStored(_) => Some(2),
+            What::NotStored(_) | What::StoreFailed(_) => Some(2),
             What::Refused(_)
             | What::Moved(_)
             | What::CannotMove { .. }

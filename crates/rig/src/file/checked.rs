@@ -2,7 +2,7 @@
 
 use super::mistake::RigFileError;
 use super::written::{AnyModel, WrittenDrive, WrittenRig, WrittenSwitch, WrittenWinding, reworded, unknown};
-use super::{ControllerSection, DriveSection, RigFile, Smd3Section, SmsdSection, SwitchSection};
+use super::{ControllerSection, DriveSection, RigFile, SerialPort, Smd3Section, SmsdSection, SwitchSection};
 use crate::mechanics::{Switch, Travel};
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -61,7 +61,23 @@ impl WrittenDrive {
                 return Err((address.span(), message));
             }
         }
-        Ok(())
+        self.check_serial_unlike(earlier)
+    }
+
+    /// Its virtual COM port must not have the name of another's.
+    fn check_serial_unlike(&self, earlier: &[WrittenDrive]) -> Result<(), Mistake> {
+        let Some((serial, path)) = self.serial_path() else { return Ok(()) };
+        let taken = |other: &&WrittenDrive| other.serial_path().is_some_and(|(_, other)| other == path);
+        earlier.iter().find(taken).map_or(Ok(()), |other| {
+            Err((serial, format!("{path} is taken by the drive `{}`", other.name.get_ref())))
+        })
+    }
+
+    /// The name that its virtual COM port is given, if it is.
+    fn serial_path(&self) -> Option<(Range<usize>, &str)> {
+        let serial = self.serial.as_ref()?;
+        let SerialPort::Pty(path) = serial.get_ref();
+        Some((serial.span(), path.as_deref()?))
     }
 
     fn addresses(&self) -> impl Iterator<Item = &Spanned<SocketAddr>> {

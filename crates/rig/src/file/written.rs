@@ -160,7 +160,7 @@ fn serial<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<S
         "pty" => Some(SerialPort::Pty(None)),
         other => other
             .strip_prefix("pty:")
-            .filter(|path| !path.is_empty())
+            .filter(|path| !path.is_empty() && !path.contains(char::is_control))
             .map(|path| SerialPort::Pty(Some(path.into()))),
     };
     let none = || D::Error::custom(format!("serial `{}` is unknown; it is pty or pty:PATH", text.get_ref()));
