@@ -10,6 +10,7 @@ use std::sync::Arc;
 use stepdrive_drive::smd3::{Smd3, Stored};
 use stepdrive_proto::smd3::{Line, LineBuf, encode_reply};
 use stepdrive_rig::file::{DriveSection, Smd3Section};
+use stepdrive_spec::smd3::commands::{Command, Request};
 use stepdrive_spec::smd3::errors::Error;
 
 /// An SMD3 and its flash.
@@ -52,15 +53,21 @@ impl Smd3Station {
         self.station.tell(what);
     }
 
-    /// Answers a line into `out`. What `STORE` keeps is safely in the flash by then.
+    /// Answers a line into `out`. What `STORE` keeps is safely in the flash by then; when that fails, the drive still has
+    /// what it had.
     pub(crate) async fn answer(&self, line: Line<'_>, out: &mut LineBuf) {
         let line = line.decode();
-        let (mut reply, stored) = self.station.visit(|machine, now| {
-            let before = machine.drive().memory_generation();
+        let (mut reply, before) = self.station.visit(|machine, now| {
+            let generation = machine.drive().memory_generation();
+            let may_store = matches!(line, Ok(Some(Request { command: Command::Store, .. })));
+            let before = may_store.then(|| *machine.drive().stored());
             let reply = machine.handle(now, line);
-            (reply, machine.drive().memory_generation() != before)
+            (reply, before.filter(|_| machine.drive().memory_generation() != generation))
         });
-        if stored && let Err(error) = self.store().await {
+        if let Some(before) = before
+            && let Err(error) = self.store().await
+        {
+            self.station.visit(|machine, _| machine.drive_mut().undo_store(before));
             self.tell(What::StoreFailed(error));
             reply.outcome = Err(Error::ActionFailed);
         }

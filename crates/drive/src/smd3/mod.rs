@@ -1,7 +1,8 @@
 //! The SMD3.
 //!
 //! [`Smd3`] is the controller. Its parts have a file each: `commands` what a command does, `settings` what is set and
-//! stored, `ramp` the motion, `profile` what shapes it, `homing` the search for a limit switch, `joystick` and `signals` what the connectors do,
+//! stored, `ramp` the motion, `profile` what shapes it, `homing` the search for a limit switch, `joystick` and `signals`
+//! what the connectors do,
 //! `flags` status, faults and where the current comes from, `supply` the current, `winding` the temperature.
 
 mod commands;
@@ -213,6 +214,11 @@ impl Smd3 {
     /// What the flash is to hold.
     pub fn stored(&self) -> &Stored {
         &self.stored
+    }
+
+    /// The last `STORE` could not be written: the flash still holds what it held before.
+    pub fn undo_store(&mut self, before: Stored) {
+        self.stored = before;
     }
 
     /// Grows with every `STORE`.

@@ -158,6 +158,8 @@ async fn a_failed_store_leaves_what_was_stored() {
     let mut client = bench.serial();
     client.ask("BAKET,88").await;
     assert_eq!(client.data("STORE").await, "-5 (Action failed)");
+    assert_eq!(client.ask("LOAD").await, IDLE);
+    assert_eq!(client.data("BAKET").await, "77", "also for LOAD");
     let bench = bench.restart().await;
     assert_eq!(bench.tcp().await.ask("BAKET").await, format!("{IDLE},77"));
 }
