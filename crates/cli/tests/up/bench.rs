@@ -84,9 +84,10 @@ impl Place {
     }
 }
 
-/// The program bringing up a rig.
+/// The program bringing up a rig. It is killed when a test gives up.
 pub(crate) struct Up {
-    child: Child,
+    /// `None` once it has been seen to its end.
+    child: Option<Child>,
     stdout: BufReader<ChildStdout>,
     /// The line on stdout that says that it is ready.
     pub(crate) ready: String,
@@ -103,7 +104,7 @@ impl Up {
             let output = child.wait_with_output().expect("ended");
             panic!("it did not come up: {}", text(&output.stderr));
         }
-        Up { child, stdout, ready }
+        Up { child: Some(child), stdout, ready }
     }
 
     /// Where its first drive is reached.
@@ -121,7 +122,7 @@ impl Up {
     }
 
     pub(crate) fn id(&self) -> u32 {
-        self.child.id()
+        self.child.as_ref().expect("it runs").id()
     }
 
     /// Reads on until a line that ends the welcome.
@@ -139,13 +140,25 @@ impl Up {
         assert!(sent.expect("there is a `kill`").success());
         let mut stdout = Vec::new();
         self.stdout.read_to_end(&mut stdout).expect("readable");
-        Output { stdout, ..self.child.wait_with_output().expect("ended") }
+        let child = self.child.take().expect("it runs");
+        Output { stdout, ..child.wait_with_output().expect("ended") }
     }
 
     /// Kills it as a power cut would.
     pub(crate) fn kill(mut self) {
-        self.child.kill().expect("killed");
-        self.child.wait().expect("ended");
+        let mut child = self.child.take().expect("it runs");
+        child.kill().expect("killed");
+        child.wait().expect("ended");
+    }
+}
+
+impl Drop for Up {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            // It may have ended already; then there is nothing left to do.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
     }
 }
 
