@@ -2,9 +2,11 @@
 //!
 //! cargo-fuzz calls them with bytes it makes up (`fuzz_targets/`), and `tests/replay.rs` with those kept in `corpus/`.
 
+mod program;
 mod smd3;
 mod smsd;
 
+pub use program::program_text;
 pub use smd3::smd3_lines;
 pub use smsd::smsd_drive;
 
@@ -23,6 +25,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("instruction_word", instruction_word),
     ("modbus_client_bytes", modbus_client_bytes),
     ("modbus_server_bytes", modbus_server_bytes),
+    ("program_text", program_text),
     ("smd3_lines", smd3_lines),
     ("smsd_drive", smsd_drive),
 ];
