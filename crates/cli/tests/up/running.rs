@@ -56,23 +56,8 @@ fn sigterm_and_sigint_end_it_with_0() {
     }
 }
 
-/// The same and an SMD3.
-const THREE: &str = r#"
-[[drive]]
-name = "left"
-model = "SMSD-4.2LAN"
-modbus_tcp = "127.0.0.1:0"
-[drive.mechanics]
-travel = [-50.0, 2000.5]
-[[drive.switch]]
-input = "SET_ZERO"
-closed = [-40.0, -30.0]
-[[drive]]
-name = "right"
-model = "SMSD-8.0LAN"
-modbus_tcp = "0.0.0.0:0"
-motor.steps_per_rev = 400
-
+/// An SMD3.
+const UHV: &str = r#"
 [[drive]]
 name = "uhv"
 model = "SMD3"
@@ -85,7 +70,7 @@ closed = [-40, -30]
 
 #[test]
 fn a_person_is_told_what_runs_where_and_what_to_try() {
-    let place = Place::with(THREE);
+    let place = Place::with(&format!("{TWO}{UHV}"));
     let mut up = Up::start(place.command().args(["up", "rig.toml", "--state", "state"]));
     let welcome = up.welcome();
     let port = |after: &str| {
