@@ -5,7 +5,7 @@
 //! (`stepdrive-proto`), the controllers (`stepdrive-drive`), the reference pages and whatever speaks to a controller
 //! read these tables; adding a register touches one place.
 //!
-//! Three marks appear in comments and in [`smsd::registers::Register::note`]:
+//! Three marks appear in comments and in the notes of the tables:
 //!
 //! * no mark: the maker's document says so;
 //! * a decision: the document is silent or contradicts itself, and we settled it;

@@ -1,9 +1,9 @@
 //! The SMSD-4.2LAN and SMSD-8.0LAN.
 //!
 //! [`Smsd`] is the controller. Its parts have a file each, named as in the data sheets (`stepdrive_spec::smsd`):
-//! [`registers`] the register map, [`commands`] what `CMD` and programs can do, [`powerstep01`] the motor chip,
-//! [`inputs`] the signals, [`programs`] the memory areas and the procedures of `MEM_CMD`, [`access`] authorisation,
-//! [`memory`] what survives power-off.
+//! `registers` the register map, `commands` what `CMD` and programs can do, `powerstep01` the motor chip,
+//! `inputs` the signals, `programs` the memory areas and the procedures of `MEM_CMD`, `access` authorisation,
+//! `memory` what survives power-off, `interpreter` running programs.
 
 mod access;
 mod commands;
