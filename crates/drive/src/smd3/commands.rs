@@ -30,7 +30,7 @@ impl Smd3 {
 
     /// What a command reads as at `now`.
     #[allow(clippy::wildcard_enum_match_arm, reason = "all the others are settings, and read alike")]
-    fn value(&self, now: Instant, row: &CommandInfo) -> Value {
+    pub(super) fn value(&self, now: Instant, row: &CommandInfo) -> Value {
         match row.command {
             Command::Ser => Value::Text(self.config.serial),
             Command::Fw => Value::Text(self.config.firmware),
@@ -93,7 +93,7 @@ impl Smd3 {
         match command {
             Command::Clr => self.clear_errors(now),
             Command::Load => self.load()?,
-            Command::Store => self.store(),
+            Command::Store => self.store()?,
             Command::Loadfd => self.put_in_force(&Settings::factory()),
             Command::Runv => self.ramp.follow(now, &profile, Course::Velocity(direction)),
             Command::Runa => self.ramp.move_to(now, &profile, whole(number)),
@@ -139,6 +139,7 @@ impl Smd3 {
     /// `LOAD`. ASSUMED: with nothing stored yet the factory's configuration is loaded; a damaged one fails.
     fn load(&mut self) -> Result<(), Error> {
         match self.stored {
+            _ if self.store_damaged => return Err(Error::ActionFailed),
             Stored::Nothing => self.put_in_force(&Settings::factory()),
             Stored::Intact(settings) => self.put_in_force(&settings),
             Stored::Damaged => return Err(Error::ActionFailed),
@@ -146,10 +147,15 @@ impl Smd3 {
         Ok(())
     }
 
-    /// `STORE`.
-    fn store(&mut self) {
+    /// `STORE`. What it writes reads well, so it ends a damage.
+    fn store(&mut self) -> Result<(), Error> {
+        if self.flash_worn {
+            return Err(Error::ActionFailed);
+        }
         self.stored = Stored::Intact(self.settings);
+        self.damage_mended = core::mem::take(&mut self.store_damaged);
         self.generation = self.generation.saturating_add(1);
+        Ok(())
     }
 
     fn put_in_force(&mut self, settings: &Settings) {

@@ -36,11 +36,13 @@ impl Smd3 {
         self.errors &= self.causes(now);
     }
 
-    /// Latches the faults whose cause is there; the motor is disabled with the first.
+    /// Latches the faults whose cause is there; the motor is disabled with the first, and then carries no current that
+    /// would show a short circuit.
     pub(super) fn latch_errors(&mut self, now: Instant) {
-        let shorted = self.motor_short && self.energised(now);
-        let errors = self.causes(now) | if shorted { ErrorFlag::MotorShort.mask() } else { 0 };
-        self.raise(now, errors);
+        self.raise(now, self.causes(now));
+        if self.motor_short && self.energised(now) {
+            self.raise(now, ErrorFlag::MotorShort.mask());
+        }
     }
 
     /// Latches error flags.
@@ -66,7 +68,7 @@ impl Smd3 {
 
     /// When the temperature trips, if it does as things are.
     pub(super) fn trip(&self) -> Option<Instant> {
-        let watched = self.sensor == Sensor::Connected && !ErrorFlag::Tovr.is_in(self.errors);
+        let watched = self.on && self.sensor == Sensor::Connected && !ErrorFlag::Tovr.is_in(self.errors);
         self.trip.filter(|_| watched)
     }
 
@@ -93,7 +95,7 @@ impl Smd3 {
     /// Where the current comes from, as things are.
     pub(super) fn supply_due(&self) -> Supply {
         let amperes = |setting| self.settings.get(setting);
-        if self.errors != 0 {
+        if self.errors != 0 || !self.on {
             return Supply::Off;
         }
         if self.bake {

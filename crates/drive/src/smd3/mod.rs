@@ -3,19 +3,23 @@
 //! [`Smd3`] is the controller. Its parts have a file each: `commands` what a command does, `settings` what is set and
 //! stored, `ramp` the motion, `profile` what shapes it, `homing` the search for a limit switch, `joystick` and `signals`
 //! what the connectors do,
-//! `flags` status, faults and where the current comes from, `supply` the current, `winding` the temperature.
+//! `flags` status, faults and where the current comes from, `supply` the current, `winding` the temperature, `power` the
+//! supply and what is done to the drive from outside, `quantities` what can be looked at.
 
 mod commands;
 mod flags;
 mod homing;
 mod joystick;
+mod power;
 mod profile;
+mod quantities;
 mod ramp;
 mod settings;
 mod signals;
 mod supply;
 mod winding;
 
+pub use quantities::Quantity;
 pub use settings::{DamagedSettings, Settings, SettingsBytes, Stored};
 pub use winding::Thermal;
 
@@ -94,13 +98,20 @@ pub enum Phases {
 ///   what a client has seen survives power-off. Where that fails the reply is [`Error::ActionFailed`] instead.
 /// * **Look**: everything else takes `&self` and changes nothing.
 #[derive(Clone, Debug)]
+#[allow(clippy::struct_excessive_bools, reason = "most are faults, each on or off by itself")]
 pub struct Smd3 {
     config: Config,
     thermal: Thermal,
-    // What is wired to it.
+    // What is wired to it, and done to it.
+    on: bool,
     signals: u16,
     sensor: Sensor,
     motor_short: bool,
+    held_at: Option<f64>,
+    flash_worn: bool,
+    store_damaged: bool,
+    /// The last `STORE` ended the damage.
+    damage_mended: bool,
     // What it remembers.
     stored: Stored,
     generation: u64,
@@ -125,21 +136,21 @@ impl Smd3 {
     /// temperature, the signals at `signals` (a bit each).
     pub fn power_up(now: Instant, config: Config, stored: Stored, signals: u16) -> Smd3 {
         let thermal = config.thermal.sane();
-        let (settings, errors) = match stored {
-            Stored::Nothing => (Settings::factory(), 0),
-            Stored::Intact(settings) => (settings, 0),
-            Stored::Damaged => (Settings::factory(), ErrorFlag::ConfigurationError.mask()),
-        };
         let mut drive = Smd3 {
             config,
             thermal,
+            on: false,
             signals,
             sensor: Sensor::Connected,
             motor_short: false,
+            held_at: None,
+            flash_worn: false,
+            store_damaged: false,
+            damage_mended: false,
             stored,
             generation: 0,
-            settings,
-            errors,
+            settings: Settings::factory(),
+            errors: 0,
             ramp: Ramp::power_up(),
             homing: None,
             joystick: Joystick::default(),
@@ -148,8 +159,7 @@ impl Smd3 {
             winding: Winding::cold(now, &thermal),
             trip: None,
         };
-        drive.plug_joystick(now, drive.present(Signal::Joystick));
-        drive.update(now);
+        drive.switch_on(now, signals);
         drive
     }
 
@@ -169,8 +179,10 @@ impl Smd3 {
         self.handle_wake(now);
         if self.present(signal) != present {
             self.signals ^= signal.bit();
-            self.act_on_signal(now, signal, present);
-            self.update(now);
+            if self.on {
+                self.act_on_signal(now, signal, present);
+                self.update(now);
+            }
         }
     }
 
@@ -219,6 +231,7 @@ impl Smd3 {
     /// The last `STORE` could not be written: the flash still holds what it held before.
     pub fn undo_store(&mut self, before: Stored) {
         self.stored = before;
+        self.store_damaged |= core::mem::take(&mut self.damage_mended);
     }
 
     /// Grows with every `STORE`.
@@ -289,7 +302,7 @@ impl Smd3 {
 
     /// How the phases are connected at `now`.
     pub fn phases(&self, now: Instant) -> Phases {
-        if self.errors != 0 {
+        if self.errors != 0 || !self.on {
             return Phases::Off;
         }
         let without_current = !self.ramp.turning() && !self.bake && self.current(now) <= 0.0;
@@ -308,6 +321,9 @@ impl Smd3 {
 
     /// Settles what follows from a change: limits, faults, homing, the mode, the current.
     fn update(&mut self, now: Instant) {
+        if !self.on {
+            return;
+        }
         let profile = self.settings.profile();
         self.ramp.set_gate(now, &profile, self.gate());
         self.ramp.set_profile(now, &profile);
@@ -323,9 +339,18 @@ impl Smd3 {
         let supply = self.supply_due();
         if supply != self.supply {
             self.supply = supply;
-            let parts = supply.parts(now, self.winding.temperature(now), &self.thermal);
-            self.winding.drive(now, parts);
-            self.trip = self.winding.when_above(flags::TRIP);
+            self.drive_winding(now);
         }
+    }
+
+    /// Lets the winding's temperature go as the current makes it from `now` on, or stay where it is held.
+    fn drive_winding(&mut self, now: Instant) {
+        if let Some(temperature) = self.held_at {
+            self.winding.hold(now, temperature);
+        } else {
+            let parts = self.supply.parts(now, self.winding.temperature(now), &self.thermal);
+            self.winding.drive(now, parts);
+        }
+        self.trip = self.winding.when_above(flags::TRIP);
     }
 }

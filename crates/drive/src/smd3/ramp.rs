@@ -101,6 +101,11 @@ impl Ramp {
         }
     }
 
+    /// As at power-up, with the rotor where it is at `now`.
+    pub(super) fn without_supply(&self, now: Instant) -> Ramp {
+        Ramp { axis: Axis::new(self.axis.count(now)), ..Ramp::power_up() }
+    }
+
     // ---- time
 
     pub(super) fn next_wake(&self) -> Option<Instant> {

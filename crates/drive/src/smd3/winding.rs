@@ -106,6 +106,12 @@ impl Winding {
         *self = Winding { since: now, temperature: self.temperature(now), parts };
     }
 
+    /// From `now` on it is held at a temperature.
+    pub(super) fn hold(&mut self, now: Instant, temperature: f64) {
+        let held = Part { until: Instant::FAR_FUTURE, goal: temperature, seconds: 1.0 };
+        *self = Winding { since: now, temperature, parts: [held].into_iter().collect() };
+    }
+
     /// When the temperature rises above `mark`; `None` when it does not, or is there already.
     pub(super) fn when_above(&self, mark: f64) -> Option<Instant> {
         let mut temperature = self.temperature;

@@ -15,6 +15,9 @@ pub struct Session {
 }
 
 impl Session {
+    /// An authorised one.
+    pub(super) const AUTHORISED: Session = Session { authorised: true, entered: 0 };
+
     /// A new connection, not authorised.
     pub const fn new() -> Session {
         Session { authorised: false, entered: 0 }

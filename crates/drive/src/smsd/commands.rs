@@ -238,6 +238,20 @@ impl Smsd {
         Ok(())
     }
 
+    /// `STEP_CLOCK`: hands the standing motor to `EN`, `STEP` and `DIR`. While `EN` is present it is energised, and each
+    /// signal that comes to `STEP` moves it by a microstep, forward while `DIR` is present; a masked input is not there.
+    /// Motion commands, stops and a reset of the motor chip take the motor back. A turning motor sets `CMD_ERROR`.
+    ///
+    /// Neither `CMD` nor a program takes this command: it belongs to the standard binary protocol.
+    pub fn step_clock(&mut self, now: Instant) {
+        if let Err(why) = self.standing(now) {
+            return self.refuse(Refusal { opcode: Some(Opcode::StepClock), why, place: None });
+        }
+        self.seek = None;
+        self.motor.begin_step_clock(now, self.inputs.signals(Input::En));
+        self.release_program(now);
+    }
+
     /// Ends whatever the motor does, in one of the four ways.
     pub(super) fn stop(&mut self, now: Instant, how: impl FnOnce(&mut PowerStep01, Instant)) {
         self.seek = None;

@@ -1,4 +1,5 @@
-//! The inputs, their mask, and motion that waits for a signal (ch. 4.4; decisions 15 and 19).
+//! The inputs, their mask, motion that waits for a signal (ch. 4.4; decisions 15 and 19), and motion by `EN`, `STEP` and
+//! `DIR`.
 
 use super::Smsd;
 use stepdrive_motion::Direction;
@@ -69,10 +70,12 @@ impl Smsd {
     /// Turns in `direction` at `speed` (full steps per second) until the signal comes. When it is there already the
     /// motor does not start.
     pub(super) fn seek(&mut self, now: Instant, seek: Seek, direction: Direction, speed: f64) {
-        if !self.inputs.signals(seek.input) {
+        let there = self.inputs.signals(seek.input);
+        if !there {
             self.motor.run(now, direction, speed);
         }
-        self.seek = Some(seek);
+        // Bridges that are shut down end the motion, and then nothing waits for the signal.
+        self.seek = Some(seek).filter(|_| there || !self.motor.is_shut_down());
         self.act_on_signal(now);
     }
 
@@ -87,9 +90,28 @@ impl Smsd {
         self.seek.map_or(0, |seek| seek.input.bit()) | self.interpreter.waiting()
     }
 
-    /// Ends the seeking motion if its signal is there, and lets the program go on that waited for one.
+    /// Sets the level of an input at `now`: `true` when the signal is present.
+    pub fn set_input(&mut self, now: Instant, input: Input, level: bool) {
+        let came = self.inputs.set(input, level);
+        if came && input == Input::Sw {
+            self.motor.latch_switch_event();
+        }
+        if came && input == Input::Step && self.inputs.signals(Input::Step) {
+            self.motor.step(now, self.step_direction());
+        }
+        self.act_on_signal(now);
+    }
+
+    /// The direction of a step. ASSUMED: forward with the signal at `DIR`.
+    fn step_direction(&self) -> Direction {
+        if self.inputs.signals(Input::Dir) { Direction::Forward } else { Direction::Reverse }
+    }
+
+    /// Ends the seeking motion if its signal is there, lets `EN` count, and lets the program go on that waited for a
+    /// signal.
     pub(super) fn act_on_signal(&mut self, now: Instant) {
         self.end_seek(now);
+        self.motor.enable_steps(now, self.inputs.signals(Input::En));
         self.release_program(now);
     }
 

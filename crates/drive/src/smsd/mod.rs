@@ -3,20 +3,24 @@
 //! [`Smsd`] is the controller. Its parts have a file each, named as in the data sheets (`stepdrive_spec::smsd`):
 //! `registers` the register map, `commands` what `CMD` and programs can do, `powerstep01` the motor chip,
 //! `inputs` the signals, `programs` the memory areas and the procedures of `MEM_CMD`, `access` authorisation,
-//! `memory` what survives power-off, `interpreter` running programs.
+//! `memory` what survives power-off, `interpreter` running programs, `power` the supply and the front panel,
+//! `quantities` what can be looked at.
 
 mod access;
 mod commands;
 mod inputs;
 mod interpreter;
 mod memory;
+mod power;
 mod powerstep01;
 mod programs;
+mod quantities;
 mod registers;
 
 pub use access::Session;
 pub use commands::{Place, Refusal, Why};
 pub use memory::{Area, DamagedRecord, Lan, Memory, Record, RecordBytes};
+pub use quantities::Quantity;
 
 use commands::CommandRegisters;
 use inputs::{Inputs, Seek};
@@ -93,7 +97,8 @@ pub struct Program {
 ///
 /// Calls carry the time, which must not run backward.
 ///
-/// * **In**: [`Smsd::handle`] for a request, [`Smsd::set_input`] for a signal.
+/// * **In**: [`Smsd::handle`] for a request, [`Smsd::set_input`] for a signal, [`Smsd::short_motor`] and
+///   [`Smsd::overheat`] for what goes wrong.
 /// * **Time**: [`Smsd::next_wake`] says when [`Smsd::handle_wake`] wants to be called. Every wake-up that is due must be
 ///   handled before something else goes in with a later time.
 /// * **Out**: after each call, drain [`Smsd::poll_event`]; when [`Smsd::memory_generation`] has grown, store what
@@ -102,6 +107,8 @@ pub struct Program {
 #[derive(Clone, Debug)]
 pub struct Smsd {
     config: Config,
+    /// It has its supply.
+    on: bool,
     memory: Memory,
     unsaved: memory::Unsaved,
     motor: PowerStep01,
@@ -123,6 +130,7 @@ impl Smsd {
     pub fn power_up(now: Instant, config: Config, memory: Memory, levels: u8) -> Smsd {
         let mut drive = Smsd {
             config,
+            on: false,
             lan: memory.lan,
             unsaved: memory::Unsaved::default(),
             motor: PowerStep01::power_up(memory.motor.microsteps_per_step()),
@@ -137,9 +145,7 @@ impl Smsd {
             network_configured: false,
             memory,
         };
-        if config.autonomous {
-            drive.start_program(now, drive.memory.mode_n_programs);
-        }
+        drive.switch_on(now, levels);
         drive
     }
 
@@ -188,14 +194,6 @@ impl Smsd {
                 Ok(Reply::Written)
             }
         }
-    }
-
-    /// Sets the level of an input at `now`: `true` when the signal is present.
-    pub fn set_input(&mut self, now: Instant, input: Input, level: bool) {
-        if self.inputs.set(input, level) && input == Input::Sw {
-            self.motor.latch_switch_event();
-        }
-        self.act_on_signal(now);
     }
 
     /// When the controller next wants [`Smsd::handle_wake`] called, and why. `None` while nothing will happen by itself.
@@ -256,6 +254,11 @@ impl Smsd {
     /// The model.
     pub fn model(&self) -> Model {
         self.config.model
+    }
+
+    /// Whether it has its supply.
+    pub fn is_on(&self) -> bool {
+        self.on
     }
 
     /// `true` when the relay is on.

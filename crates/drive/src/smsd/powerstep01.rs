@@ -2,7 +2,7 @@
 
 use crate::controller::ROTOR_UNITS;
 use core::time::Duration;
-use stepdrive_motion::{Axis, Direction, Limits, Phase};
+use stepdrive_motion::{Axis, Direction, Limits, Phase, STEEPEST};
 use stepdrive_spec::smsd::powerstep01 as scale;
 use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::ring;
@@ -10,6 +10,10 @@ use stepdrive_spec::time::Instant;
 
 /// Units of `EL_POS` to the full step.
 const EL_UNITS: i64 = 128;
+
+/// ASSUMED: a microstep of the step input is made within one tick of the chip, so in 250 ns; steps that come faster follow
+/// each other at that pace.
+const STEP_CLOCK_MICROSTEPS_PER_SECOND: f64 = 4e6;
 
 /// The speed and acceleration registers, in whole full steps as the controller's registers hold them.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +49,22 @@ enum Busy {
     UntilStanding,
 }
 
+/// Steps by the step input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct StepClock {
+    /// The count that the steps so far lead to.
+    target: i64,
+}
+
+/// What is wrong outside of the chip.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Trouble {
+    /// The motor is short-circuited, which shows while a current flows.
+    shorted: bool,
+    /// The chip is too hot.
+    overheated: bool,
+}
+
 /// The chip.
 #[derive(Clone, Debug)]
 #[allow(clippy::struct_excessive_bools, reason = "the flags of a chip are what they are")]
@@ -67,6 +87,11 @@ pub(super) struct PowerStep01 {
     el_origin: i64,
     /// Whether the motor was driven in full steps when the present leg of the motion began.
     full_steps_before: bool,
+    /// The step input moves the motor.
+    step_clock: Option<StepClock>,
+    trouble: Trouble,
+    /// The bridges are shut down: the motor is in HiZ, and stays so.
+    shut_down: bool,
 }
 
 impl PowerStep01 {
@@ -85,6 +110,18 @@ impl PowerStep01 {
             rotor_origin: (0, 0),
             el_origin: 0,
             full_steps_before: false,
+            step_clock: None,
+            trouble: Trouble::default(),
+            shut_down: false,
+        }
+    }
+
+    /// The chip after another power-up: what is wrong outside of it stays.
+    pub(super) fn powered_up(&self, microsteps_per_step: u16) -> PowerStep01 {
+        PowerStep01 {
+            trouble: self.trouble,
+            shut_down: self.trouble.overheated,
+            ..PowerStep01::power_up(microsteps_per_step)
         }
     }
 
@@ -103,35 +140,35 @@ impl PowerStep01 {
     /// Turns at `speed` full steps per second, or the nearest that `MIN_SPEED` and `MAX_SPEED` allow.
     pub(super) fn run(&mut self, now: Instant, direction: Direction, speed: f64) {
         let counts = scale::SPEED.round(speed) * f64::from(self.microsteps_per_step);
-        self.begin(Busy::UntilConstant);
+        self.begin(now, Busy::UntilConstant);
         self.steer(now, |axis, limits| axis.run(now, direction, counts, limits));
     }
 
     /// Goes `displacement` microsteps from where it is, and stops there.
     pub(super) fn move_by(&mut self, now: Instant, displacement: i64) {
+        self.begin(now, Busy::UntilStanding);
         let target = self.axis.count(now).saturating_add(displacement);
-        self.begin(Busy::UntilStanding);
         self.steer(now, |axis, limits| axis.move_to(now, target, limits));
     }
 
     pub(super) fn soft_stop(&mut self, now: Instant) {
-        self.begin(Busy::UntilStanding);
+        self.begin(now, Busy::UntilStanding);
         self.steer(now, |axis, limits| axis.brake(now, limits));
     }
 
     pub(super) fn hard_stop(&mut self, now: Instant) {
-        self.begin(Busy::UntilStanding);
+        self.begin(now, Busy::UntilStanding);
         self.steer(now, |axis, _| axis.halt(now));
     }
 
     pub(super) fn soft_hi_z(&mut self, now: Instant) {
-        self.begin(Busy::UntilStanding);
+        self.begin(now, Busy::UntilStanding);
         self.release_at_standstill = true;
         self.steer(now, |axis, limits| axis.brake(now, limits));
     }
 
     pub(super) fn hard_hi_z(&mut self, now: Instant) {
-        self.begin(Busy::UntilStanding);
+        self.begin(now, Busy::UntilStanding);
         self.release_at_standstill = true;
         self.steer(now, |axis, _| axis.halt(now));
     }
@@ -157,8 +194,68 @@ impl PowerStep01 {
             zero,
             rotor_origin: (rotor, zero),
             el_origin: rotor,
-            ..PowerStep01::power_up(self.microsteps_per_step)
+            ..self.powered_up(self.microsteps_per_step)
         };
+    }
+
+    // ---- the step clock
+
+    /// `STEP_CLOCK`: the step input moves the standing motor, while `enabled`. `READY` stays as it is, and the motor
+    /// counts as standing.
+    pub(super) fn begin_step_clock(&mut self, now: Instant, enabled: bool) {
+        self.axis.halt(now);
+        self.step_clock = Some(StepClock { target: self.axis.count(now) });
+        self.energised = enabled;
+        self.release_at_standstill = false;
+        self.protect(now);
+    }
+
+    /// The enable input of the step clock. ASSUMED: without it the motor is de-energised and steps do nothing.
+    pub(super) fn enable_steps(&mut self, now: Instant, enabled: bool) {
+        if self.step_clock.is_some() && self.energised != enabled {
+            self.begin_step_clock(now, enabled);
+        }
+    }
+
+    /// A step of the step input.
+    pub(super) fn step(&mut self, now: Instant, direction: Direction) {
+        let Some(StepClock { target }) = self.step_clock.filter(|_| self.energised) else { return };
+        let target = direction.step(target, 1);
+        self.step_clock = Some(StepClock { target });
+        self.steer(now, |axis, limits| axis.move_to(now, target, limits));
+    }
+
+    // ---- what goes wrong
+
+    /// The motor is short-circuited, or not any more. While a current flows that shuts the bridges down.
+    pub(super) fn short_motor(&mut self, now: Instant, shorted: bool) {
+        self.trouble.shorted = shorted;
+        self.protect(now);
+    }
+
+    /// The chip is too hot, or not any more. That shuts the bridges down.
+    pub(super) fn overheat(&mut self, now: Instant, overheated: bool) {
+        self.trouble.overheated = overheated;
+        self.protect(now);
+    }
+
+    /// Whether the bridges are shut down.
+    pub(super) fn is_shut_down(&self) -> bool {
+        self.shut_down
+    }
+
+    /// Shuts the bridges down if something is wrong. ASSUMED: the controller takes motion commands all the same, and each
+    /// is over at once; the flags that say why are not in the part of the status that it shows.
+    fn protect(&mut self, now: Instant) {
+        let Trouble { shorted, overheated } = self.trouble;
+        self.shut_down |= overheated || (shorted && self.energised);
+        if self.shut_down && self.energised {
+            self.axis.halt(now);
+            self.energised = false;
+            self.release_at_standstill = false;
+            self.busy = Busy::No;
+            self.step_clock = None;
+        }
     }
 
     // ---- settings
@@ -198,10 +295,12 @@ impl PowerStep01 {
         self.switch_event = true;
     }
 
-    /// `CLR`: clears the latched flags.
+    /// `CLR`: clears the latched flags. Bridges that were shut down can be used again, unless the chip is still too hot;
+    /// ASSUMED, as `CLR` is what reads and clears the chip's status.
     pub(super) fn clear_flags(&mut self) {
         self.command_error = false;
         self.switch_event = false;
+        self.shut_down = self.trouble.overheated;
     }
 
     pub(super) fn command_error(&self) -> bool {
@@ -223,11 +322,11 @@ impl PowerStep01 {
     // ---- motion as it is
 
     pub(super) fn phase(&self, now: Instant) -> Phase {
-        self.axis.phase(now)
+        if self.step_clock.is_some() { Phase::Stopped } else { self.axis.phase(now) }
     }
 
     pub(super) fn standing(&self, now: Instant) -> bool {
-        self.axis.phase(now) == Phase::Stopped
+        self.phase(now) == Phase::Stopped
     }
 
     pub(super) fn direction(&self) -> Direction {
@@ -248,8 +347,11 @@ impl PowerStep01 {
         self.axis.speed(now) / f64::from(self.microsteps_per_step)
     }
 
-    /// `SPEED`: the speed as a whole number.
+    /// `SPEED`: the speed as a whole number; 0 while the step input moves the motor.
     pub(super) fn whole_speed(&self, now: Instant) -> u16 {
+        if self.step_clock.is_some() {
+            return 0;
+        }
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -294,8 +396,12 @@ impl PowerStep01 {
         (ROTOR_UNITS / i64::from(self.microsteps_per_step)).max(1)
     }
 
-    /// A motion command begins: it energises the motor and supersedes what was to happen at standstill.
-    fn begin(&mut self, busy: Busy) {
+    /// A motion command begins: it energises the motor, ends the step clock and supersedes what was to happen at
+    /// standstill.
+    fn begin(&mut self, now: Instant, busy: Busy) {
+        if self.step_clock.take().is_some() {
+            self.axis.halt(now);
+        }
         self.energised = true;
         self.release_at_standstill = false;
         self.busy = busy;
@@ -321,10 +427,15 @@ impl PowerStep01 {
             self.release_at_standstill = false;
             self.energised = false;
         }
+        self.protect(now);
     }
 
-    /// The limits in microsteps, as the chip rounds them (decision 37).
+    /// The limits in microsteps, as the chip rounds them (decision 37); none but the pace of the steps while the step
+    /// input moves the motor.
     fn limits(&self) -> Limits {
+        if self.step_clock.is_some() {
+            return step_clock_limits();
+        }
         let per_step = f64::from(self.microsteps_per_step);
         let rounded = |scale: scale::Scale, value: u16| scale.round(f64::from(value)) * per_step;
         let min_speed = rounded(scale::MIN_SPEED, self.parameters.min_speed);
@@ -359,4 +470,9 @@ impl PowerStep01 {
         let step = |at: Instant| self.electrical(at).div_euclid(EL_UNITS);
         if crossing.above != before && step(since) == step(now) { before } else { crossing.above }
     }
+}
+
+fn step_clock_limits() -> Limits {
+    let pace = STEP_CLOCK_MICROSTEPS_PER_SECOND;
+    Limits { start: pace, stop: pace, max: pace, acc: STEEPEST, dec: STEEPEST, zero_wait: Duration::ZERO }
 }

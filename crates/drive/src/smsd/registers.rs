@@ -318,7 +318,7 @@ impl Smsd {
         clippy::match_same_arms,
         reason = "one line a register, in the order of the map"
     )]
-    fn value(&self, now: Instant, session: &Session, id: Reg, index: u16) -> u32 {
+    pub(super) fn value(&self, now: Instant, session: &Session, id: Reg, index: u16) -> u32 {
         let index = usize::from(index);
         let parameters = self.motor.parameters();
         let mode = &self.memory.motor;

@@ -18,6 +18,13 @@ enum Happening {
     Signal(Signal, bool),
     Sensor(Sensor),
     Short(bool),
+    Heat(Option<f64>),
+    Flash {
+        worn: bool,
+        damaged: bool,
+    },
+    /// Off, so many nanoseconds, and on with these signals.
+    PowerCycle(u64, u16),
     Pass(u64),
 }
 
@@ -95,6 +102,9 @@ fn happening() -> impl Strategy<Value = Happening> {
         1 => prop::sample::select(&[Sensor::Connected, Sensor::Connected, Sensor::Open, Sensor::Short][..])
             .prop_map(Happening::Sensor),
         1 => prop::bool::weighted(0.2).prop_map(Happening::Short),
+        1 => prop::option::of(20.0..300.0_f64).prop_map(Happening::Heat),
+        1 => any::<(bool, bool)>().prop_map(|(worn, damaged)| Happening::Flash { worn, damaged }),
+        1 => (0..3_000_000_000_000_u64, 0..512_u16).prop_map(|(off, signals)| Happening::PowerCycle(off, signals)),
         5 => pass.prop_map(Happening::Pass),
     ]
 }
@@ -113,6 +123,16 @@ fn happen(bench: &mut Bench, happening: &Happening) -> Option<Reply> {
         Happening::Signal(signal, present) => bench.signal(*signal, *present),
         Happening::Sensor(sensor) => bench.drive.set_sensor(bench.now, *sensor),
         Happening::Short(shorted) => bench.drive.short_motor(bench.now, *shorted),
+        Happening::Heat(held) => bench.drive.heat(bench.now, *held),
+        Happening::Flash { worn, damaged } => {
+            bench.drive.wear_flash(*worn);
+            bench.drive.damage_store(*damaged);
+        }
+        Happening::PowerCycle(off, signals) => {
+            bench.drive.switch_off(bench.now);
+            bench.run_for(Duration::from_nanos(*off));
+            bench.drive.switch_on(bench.now, *signals);
+        }
         Happening::Pass(nanos) => bench.run_for(Duration::from_nanos(*nanos)),
     }
     None

@@ -100,3 +100,23 @@ fn stops_do_no_harm() {
         assert!(bench.standby() && bench.position() > -1.0 && bench.position() < 0.0, "{stop}");
     }
 }
+
+#[test]
+fn steps_count_while_the_external_enable_is_there_if_it_is_used() {
+    let mut bench = Bench::in_mode(0);
+    bench.set("INTERP", 1);
+    bench.signal(Signal::Dir, true);
+    pulse(&mut bench, 1, MS);
+    bench.signal(Signal::Enable, true);
+    bench.set("EXTEN", 1);
+    pulse(&mut bench, 2, MS);
+    assert_near(bench.position(), 3.0, 0.0);
+    bench.signal(Signal::Enable, false);
+    pulse(&mut bench, 4, MS);
+    bench.signal(Signal::Enable, true);
+    pulse(&mut bench, 8, MS);
+    assert_near(bench.position(), 3.0, 0.0);
+    bench.signal(Signal::ResetFault, true);
+    pulse(&mut bench, 16, MS);
+    assert_near(bench.position(), 19.0, 0.0);
+}

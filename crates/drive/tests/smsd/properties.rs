@@ -20,6 +20,11 @@ enum Happening {
     /// A request of one of two clients: `true` is the one that was authorised at first.
     Request(bool, Request),
     Input(Input, bool),
+    StepClock,
+    Short(bool),
+    Overheat(bool),
+    /// Off, so many nanoseconds, and on with the inputs so and the front panel so.
+    PowerCycle(u64, u8, bool),
     Pass(u64),
 }
 
@@ -96,6 +101,17 @@ fn command() -> impl Strategy<Value = Request> {
     )
 }
 
+/// What is done to a controller from outside.
+fn trouble() -> impl Strategy<Value = Happening> {
+    prop_oneof![
+        Just(Happening::StepClock),
+        prop::bool::weighted(0.3).prop_map(Happening::Short),
+        prop::bool::weighted(0.3).prop_map(Happening::Overheat),
+        (0..2_000_000_000_u64, any::<u8>(), any::<bool>())
+            .prop_map(|(off, levels, autonomous)| Happening::PowerCycle(off, levels, autonomous)),
+    ]
+}
+
 fn happening() -> impl Strategy<Value = Happening> {
     let write = prop_oneof![2 => wild_write(), 2 => valid_write(), 5 => command()];
     let request = prop_oneof![1 => read(), 3 => write];
@@ -104,6 +120,7 @@ fn happening() -> impl Strategy<Value = Happening> {
         6 => (prop::bool::weighted(0.95), request).prop_map(|(first, request)| Happening::Request(first, request)),
         1 => (prop::sample::select(&Input::ALL[..]), any::<bool>())
             .prop_map(|(input, level)| Happening::Input(input, level)),
+        1 => trouble(),
         3 => pass.prop_map(Happening::Pass),
     ]
 }
@@ -146,9 +163,23 @@ fn happen(bench: &mut Bench, other: &mut Session, happening: &Happening) -> Opti
             return Some(reply);
         }
         Happening::Input(input, level) => bench.input(*input, *level),
+        Happening::StepClock => bench.drive.step_clock(bench.now),
+        Happening::Short(shorted) => bench.drive.short_motor(bench.now, *shorted),
+        Happening::Overheat(overheated) => bench.drive.overheat(bench.now, *overheated),
+        Happening::PowerCycle(off, levels, autonomous) => {
+            bench.drive.set_panel(*autonomous, Some(levels % 4));
+            bench.drive.switch_off(bench.now);
+            bench.run_for(Duration::from_nanos(*off));
+            bench.drive.switch_on(bench.now, *levels);
+        }
         Happening::Pass(nanos) => bench.run_for(Duration::from_nanos(*nanos)),
     }
     None
+}
+
+/// Whether this is the speed of a step by the step input, in whichever microstep mode.
+fn is_step(speed: f64) -> bool {
+    (0..=7).any(|mode| speed.to_bits() == (4e6 / f64::from(1 << mode)).to_bits())
 }
 
 /// What holds at every instant.
@@ -160,9 +191,10 @@ fn check(bench: &mut Bench) {
     assert!((ring::MIN..=ring::MAX).contains(&position));
     assert!(bench.drive.rotor(bench.now).abs() < 1 << 52);
     let speed = bench.drive.speed(bench.now);
-    assert!((0.0..=15_625.0).contains(&speed), "{speed}");
+    assert!((0.0..=15_625.0).contains(&speed) || is_step(speed), "{speed}");
     assert!(!status.hi_z || status.motion == MotStatus::Stopped, "de-energised and turning");
-    assert!(speed <= 0.0 || status.motion != MotStatus::Stopped, "{speed} while stopped");
+    assert!(speed <= 0.0 || status.motion != MotStatus::Stopped || is_step(speed), "{speed} while stopped");
+    assert!(speed <= 0.0 || !status.hi_z, "{speed} while de-energised");
     assert!(status.ready || !status.hi_z, "busy and de-energised");
     if bench.session.is_authorised() {
         check_registers(bench, status, position);
