@@ -9,7 +9,18 @@
 
 extern crate alloc;
 
+pub mod action;
+pub mod any;
+pub mod condition;
+pub mod contacts;
+pub mod course;
+pub mod duration;
+pub mod fault;
 pub mod file;
+pub mod group;
+pub mod line;
 pub mod machine;
 pub mod mechanics;
+pub mod names;
+pub mod pulses;
 pub mod simulation;

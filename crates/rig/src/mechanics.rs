@@ -75,6 +75,8 @@ fn ahead(from: i64, to: i64, direction: Direction) -> bool {
 #[derive(Clone, Copy, Debug)]
 pub struct Mechanics {
     travel: Option<Travel>,
+    /// Whether the carriage is held where it is.
+    blocked: bool,
     /// A place of the carriage, and the rotor's place there.
     place: i64,
     rotor: i64,
@@ -88,13 +90,16 @@ impl Mechanics {
             reason = "`as` saturates; rig files allow up to 1e9 full steps"
         )]
         let place = libm::round(start * ROTOR_UNITS as f64) as i64;
-        let mechanics = Mechanics { travel, place, rotor: 0 };
+        let mechanics = Mechanics { travel, blocked: false, place, rotor: 0 };
         Mechanics { place: mechanics.clamp(place), ..mechanics }
     }
 
     /// The carriage's place with the rotor at `rotor`. Since [`Mechanics::follow`] was last called the rotor must have
     /// gone one way only.
     pub fn place(&self, rotor: i64) -> i64 {
+        if self.blocked {
+            return self.place;
+        }
         self.clamp(self.place.saturating_add(rotor.saturating_sub(self.rotor)))
     }
 
@@ -104,17 +109,31 @@ impl Mechanics {
         self.rotor = rotor;
     }
 
-    /// Whether the rotor, turning in `direction`, is being driven against an end.
+    /// Holds the carriage where it was last taken along to, or lets it go.
+    pub fn block(&mut self, blocked: bool) {
+        self.blocked = blocked;
+    }
+
+    /// The rotor's place counts from `rotor` on, with the carriage where it is: the controller was switched on anew.
+    pub fn restart(&mut self, rotor: i64) {
+        self.rotor = rotor;
+    }
+
+    /// Whether the rotor, turning in `direction`, is held or being driven against an end.
     pub fn stalled(&self, rotor: i64, direction: Direction) -> bool {
         let place = self.place(rotor);
-        self.travel.is_some_and(|travel| match direction {
+        let at_end = self.travel.is_some_and(|travel| match direction {
             Direction::Forward => place >= travel.high,
             Direction::Reverse => place <= travel.low,
-        })
+        });
+        at_end || self.blocked
     }
 
     /// The rotor's place at which the next of `switches` changes, turning in `direction` from `rotor`.
     pub fn next_edge<S>(&self, switches: &[Switch<S>], rotor: i64, direction: Direction) -> Option<i64> {
+        if self.blocked {
+            return None;
+        }
         let place = self.place(rotor);
         let edges = switches.iter().filter_map(|switch| switch.next_edge(place, direction));
         let nearest = edges.min_by_key(|edge| edge.abs_diff(place))?;
@@ -152,6 +171,19 @@ mod tests {
     fn a_start_outside_the_travel_is_moved_to_its_end() {
         let stage = Mechanics::new(Travel::between([-10.0, 10.0]), 99.0);
         assert_eq!(stage.place(0), 10 * STEP);
+    }
+
+    #[test]
+    fn a_carriage_that_is_held_loses_steps_both_ways_and_meets_no_switch() {
+        let mut stage = stage();
+        stage.follow(2 * STEP);
+        stage.block(true);
+        assert!(stage.stalled(2 * STEP, Forward) && stage.stalled(2 * STEP, Reverse));
+        let ahead = [Switch::new(Input::In0, [3.0, 4.0]).expect("not empty")];
+        assert_eq!(stage.next_edge(&ahead, 2 * STEP, Forward), None);
+        stage.follow(5 * STEP);
+        stage.block(false);
+        assert_eq!(stage.place(6 * STEP), 3 * STEP);
     }
 
     #[test]

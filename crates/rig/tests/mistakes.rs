@@ -75,7 +75,7 @@ fn an_unknown_key_is_shown_with_those_that_there_are() {
     check_drive(
         "[rig]\nspeed = 3\n",
         expect![[r#"
-            rig.toml:6:1: unknown field `speed`, expected `clock`
+            rig.toml:6:1: unknown field `speed`, expected one of `clock`, `api`, `api_token`, `seed`
               |
             6 | speed = 3
               | ^^^^^"#]],
@@ -83,7 +83,7 @@ fn an_unknown_key_is_shown_with_those_that_there_are() {
     check_drive(
         "[[drives]]\nname = \"x\"\n",
         expect![[r#"
-            rig.toml:5:3: unknown field `drives`, expected `rig` or `drive`
+            rig.toml:5:3: unknown field `drives`, expected one of `rig`, `drive`, `wire`
               |
             5 | [[drives]]
               |   ^^^^^^"#]],
@@ -111,10 +111,10 @@ fn a_name_that_is_none_of_a_few_is_shown_with_those_that_there_are() {
     check_drive(
         "[rig]\nclock = \"fast\"\n",
         expect![[r#"
-        rig.toml:6:9: clock `fast` is unknown; it is real
-          |
-        6 | clock = "fast"
-          |         ^^^^^^"#]],
+            rig.toml:6:9: clock `fast` is unknown; it is real, paused, or x and a factor, as in x100
+              |
+            6 | clock = "fast"
+              |         ^^^^^^"#]],
     );
     check(
         &MINIMAL.replace("SMSD-8.0LAN", "SMSD-8.0"),

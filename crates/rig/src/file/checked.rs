@@ -1,8 +1,13 @@
 //! A rig file checked, and turned into what it means.
 
 use super::mistake::RigFileError;
-use super::written::{AnyModel, WrittenDrive, WrittenRig, WrittenSwitch, WrittenWinding, reworded, unknown};
-use super::{ControllerSection, DriveSection, RigFile, SerialPort, Smd3Section, SmsdSection, SwitchSection};
+use super::written::{
+    AnyModel, WrittenDrive, WrittenRig, WrittenSettings, WrittenSwitch, WrittenWinding, reworded, unknown,
+};
+use super::{
+    ApiSection, ControllerSection, DriveSection, RigFile, SerialPort, Smd3Section, SmsdSection,
+    SwitchSection, wires,
+};
 use crate::mechanics::{Switch, Travel};
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -21,7 +26,10 @@ use toml::Spanned;
 const FARTHEST: f64 = 1e9;
 
 /// A mistake and its place.
-type Mistake = (Range<usize>, String);
+pub(super) type Mistake = (Range<usize>, String);
+
+/// The fewest and the most characters of a token: too many to guess, few enough for a line.
+const TOKEN_LENGTH: RangeInclusive<usize> = 16..=256;
 
 /// Reads a rig.
 pub(super) fn parse(text: &str) -> Result<RigFile, RigFileError> {
@@ -32,13 +40,73 @@ pub(super) fn parse(text: &str) -> Result<RigFile, RigFileError> {
         let message = "the rig has no drive; begin one with [[drive]]".to_string();
         return Err(RigFileError::new(text, None, message));
     }
-    let mut drives = Vec::new();
-    for (number, drive) in written.drives.iter().enumerate() {
-        let earlier = written.drives.get(..number).unwrap_or(&[]);
-        let checked = drive.check_unlike(earlier).and_then(|()| drive.check());
-        drives.push(checked.map_err(|(span, message)| RigFileError::new(text, Some(span), message))?);
+    written.check().map_err(|(span, message)| RigFileError::new(text, Some(span), message))
+}
+
+impl WrittenRig {
+    /// What the rig means.
+    fn check(&self) -> Result<RigFile, Mistake> {
+        let mut drives = Vec::new();
+        for (number, drive) in self.drives.iter().enumerate() {
+            drive.check_unlike(self.drives.get(..number).unwrap_or(&[]))?;
+            drives.push(drive.check()?);
+        }
+        let api = self.rig.check_api(&self.drives)?;
+        let rig = RigFile {
+            clock: self.rig.clock,
+            api,
+            seed: self.rig.seed.unwrap_or(1),
+            drives,
+            wires: Vec::new(),
+        };
+        Ok(RigFile { wires: wires::check(&self.wires, &rig)?, ..rig })
     }
-    Ok(RigFile { clock: written.rig.clock, drives })
+}
+
+impl WrittenSettings {
+    /// Where the rig is controlled from.
+    fn check_api(&self, drives: &[WrittenDrive]) -> Result<Option<ApiSection>, Mistake> {
+        let token = self.api_token.as_ref().map(check_token).transpose()?;
+        let Some(written) = &self.api else {
+            return self.api_token.as_ref().map_or(Ok(None), |token| {
+                let message = "api_token without api; there is nothing that it would guard".to_string();
+                Err((token.span(), message))
+            });
+        };
+        let address = *written.get_ref();
+        if !address.ip().to_canonical().is_loopback() && token.is_none() {
+            let message = format!(
+                "{address} can be reached by others, who could then control the rig; give an api_token too, or take \
+                 a loopback address, as in 127.0.0.1:{}",
+                address.port()
+            );
+            return Err((written.span(), message));
+        }
+        let clashes = |drive: &&WrittenDrive| drive.addresses().any(|other| clash(*other.get_ref(), address));
+        if let Some(drive) = drives.iter().find(clashes) {
+            return Err((
+                written.span(),
+                format!("{address} is taken by the drive `{}`", drive.name.get_ref()),
+            ));
+        }
+        Ok(Some(ApiSection { address, token }))
+    }
+}
+
+/// Whether two cannot listen at once. An unspecified address takes its port on all.
+fn clash(one: SocketAddr, other: SocketAddr) -> bool {
+    let everywhere = one.ip().is_unspecified() || other.ip().is_unspecified();
+    one.port() != 0 && one.port() == other.port() && (everywhere || one.ip() == other.ip())
+}
+
+fn check_token(token: &Spanned<String>) -> Result<String, Mistake> {
+    let text = token.get_ref();
+    if TOKEN_LENGTH.contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_graphic()) {
+        return Ok(text.clone());
+    }
+    let (least, most) = (TOKEN_LENGTH.start(), TOKEN_LENGTH.end());
+    let message = format!("api_token is not {least} to {most} printable ASCII characters without spaces");
+    Err((token.span(), message))
 }
 
 impl WrittenDrive {

@@ -4,16 +4,22 @@
 //! name, line and column.
 
 mod checked;
+mod clock;
 mod mistake;
+mod wires;
 mod written;
 
+pub use clock::{ClockMode, ClockModeError};
 pub use mistake::RigFileError;
 
 use crate::machine::Machine;
 use crate::mechanics::{Mechanics, Switch, Travel};
+use crate::names::AnySignal;
 use alloc::string::String;
 use alloc::vec::Vec;
+use core::fmt;
 use core::net::SocketAddr;
+use core::time::Duration;
 use stepdrive_drive::smd3::{self, Smd3, Stored, Thermal};
 use stepdrive_drive::smsd::{Config, Memory, Smsd, WordOrder};
 use stepdrive_spec::smd3::signals::{Sensor, Signal};
@@ -21,24 +27,52 @@ use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::time::Instant;
 
-/// The rig that `stepdrive up` brings up when it is given none: one SMSD-4.2LAN named `stage`, commented.
+/// The rig that `stepdrive up` brings up when it is given none: an SMSD-4.2LAN named `stage` and an SMD3 named `uhv`,
+/// commented.
 pub const DEMO: &str = include_str!("../../demo.toml");
 
 /// A rig.
 #[derive(Clone, Debug)]
 pub struct RigFile {
-    /// How rig time passes.
+    /// How rig time passes when it begins.
     pub clock: ClockMode,
+    /// Where it is controlled from; `None` when it is not.
+    pub api: Option<ApiSection>,
+    /// What bouncing switches and faults of the lines draw from: with the same seed they do the same.
+    pub seed: u64,
     /// The drives; at least one.
     pub drives: Vec<DriveSection>,
+    /// The wires between them.
+    pub wires: Vec<WireSection>,
 }
 
-/// How rig time passes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ClockMode {
-    /// As fast as time does.
-    #[default]
-    Real,
+/// Where a rig is controlled from: `api` and `api_token`.
+#[derive(Clone, PartialEq, Eq)]
+pub struct ApiSection {
+    /// Where it listens; port 0 takes a free one. Beyond loopback only with a token.
+    pub address: SocketAddr,
+    /// What a client must show: 16 to 256 printable ASCII characters without spaces.
+    pub token: Option<String>,
+}
+
+/// A wire from an output of a drive to an input of another: `[[wire]]`.
+///
+/// Two drives may each drive the other, and that is no loop: no input switches a relay by itself. An instruction does, and
+/// an instruction takes time, so a signal never chases itself round. It is how two controllers work in step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WireSection {
+    /// The drive at whose output it begins, by its place in the file.
+    pub from: usize,
+    /// The output, by its place in [`Controller::OUTPUTS`](stepdrive_drive::controller::Controller::OUTPUTS).
+    pub output: u8,
+    /// The drive at whose input it ends, by its place in the file; another one.
+    pub to: usize,
+    /// The input.
+    pub input: AnySignal,
+    /// How much later a change arrives.
+    pub delay: Duration,
+    /// Whether it arrives the other way round.
+    pub invert: bool,
 }
 
 /// A drive: `[[drive]]`.
@@ -120,6 +154,27 @@ impl RigFile {
     /// The first mistake found, with its place in `text`.
     pub fn parse(text: &str) -> Result<RigFile, RigFileError> {
         checked::parse(text)
+    }
+
+    /// The drives, by their place in the file, grouped by the wires that join them, directly or by others. Each group
+    /// is in the order of the file, and so are the groups, by their first.
+    pub fn groups(&self) -> Vec<Vec<usize>> {
+        wires::groups(self.drives.len(), &self.wires)
+    }
+}
+
+impl fmt::Debug for ApiSection {
+    /// Without the token, which is nobody's business.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let token = self.token.as_ref().map(|_| "(hidden)");
+        f.debug_struct("ApiSection").field("address", &self.address).field("token", &token).finish()
+    }
+}
+
+impl WireSection {
+    /// From where to where it leads.
+    fn joins(&self) -> (usize, u8, usize, AnySignal) {
+        (self.from, self.output, self.to, self.input)
     }
 }
 

@@ -1,11 +1,14 @@
 //! A rig file as it is written: TOML, with the place of everything that may be wrong.
 
 use super::{ClockMode, SerialPort};
+use crate::duration;
+use crate::names::shown;
 use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::net::SocketAddr;
 use core::ops::RangeInclusive;
+use core::time::Duration;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
 use stepdrive_drive::smsd::WordOrder;
@@ -18,17 +21,44 @@ use toml::Spanned;
 #[serde(deny_unknown_fields)]
 pub(super) struct WrittenRig {
     #[serde(default)]
-    pub(super) rig: WrittenClock,
+    pub(super) rig: WrittenSettings,
     #[serde(rename = "drive", default)]
     pub(super) drives: Vec<WrittenDrive>,
+    #[serde(rename = "wire", default)]
+    pub(super) wires: Vec<WrittenWire>,
 }
 
 /// `[rig]`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct WrittenClock {
+pub(super) struct WrittenSettings {
+    /// How rig time passes.
     #[serde(default, deserialize_with = "clock")]
     pub(super) clock: ClockMode,
+    /// Where the rig is controlled from; port 0 takes a free one.
+    #[serde(default, deserialize_with = "address")]
+    pub(super) api: Option<Spanned<SocketAddr>>,
+    /// What a client of that must show.
+    pub(super) api_token: Option<Spanned<String>>,
+    /// What bouncing switches and faults of the lines draw from; 1 by default.
+    #[serde(default, deserialize_with = "seed")]
+    pub(super) seed: Option<u64>,
+}
+
+/// `[[wire]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WrittenWire {
+    /// The output at which it begins, as in `a.relay`.
+    pub(super) from: Spanned<String>,
+    /// The input at which it ends, as in `b.CONTINUE`.
+    pub(super) to: Spanned<String>,
+    /// How much later a change arrives; at once by default.
+    #[serde(default, deserialize_with = "delay")]
+    pub(super) delay: Duration,
+    /// Whether it arrives the other way round.
+    #[serde(default)]
+    pub(super) invert: bool,
 }
 
 /// `[[drive]]`.
@@ -168,7 +198,18 @@ fn serial<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<S
 }
 
 fn clock<'de, D: Deserializer<'de>>(deserializer: D) -> Result<ClockMode, D::Error> {
-    named(deserializer, "clock", |name| (name == "real").then_some(ClockMode::Real), &["real"])
+    let text = String::deserialize(deserializer)?;
+    ClockMode::parse(&text).map_err(D::Error::custom)
+}
+
+fn delay<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    let wrong = |error| D::Error::custom(format!("delay is `{}`; {error}", shown(&text)));
+    duration::parse(&text).map_err(wrong)
+}
+
+fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u64>, D::Error> {
+    whole(deserializer, "seed", 0..=i64::MAX).map(|seed| Some(seed.into_inner()))
 }
 
 fn word_order<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<WordOrder>>, D::Error> {
