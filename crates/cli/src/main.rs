@@ -1,22 +1,29 @@
 //! `stepdrive`: virtual stepper motor controllers on the wire.
 //!
-//! Results go to stdout, talk to stderr. Exit codes: 0 done; 1 the arguments or the rig file are wrong; 2 it failed; 9 a
-//! program has errors; 10 a file is not as it should be.
+//! Results go to stdout, talk to stderr. Exit codes: 0 done; 1 the arguments, or a file named in them, are wrong; 2 it
+//! failed; 9 a program has errors; 10 a file is not as it should be; 11 a scenario did not pass.
 
+mod disk;
 mod program;
+mod replay;
+mod rig;
 mod rigs;
+mod terminal;
 mod up;
 
 use clap::{Parser, Subcommand};
-use std::io::{self, Write};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use stepdrive_rig::file::ClockMode;
+use terminal::{print, tell};
 
 /// Virtual stepper motor controllers that any client written for the real ones can use.
 #[derive(Debug, Parser)]
 #[command(
     version,
-    after_help = "Exit codes: 0 done, 1 wrong arguments or rig file, 2 failed, 9 the program has errors, 10 not laid out properly."
+    after_help = "Exit codes: 0 done, 1 wrong arguments, or a mistake in a file, 2 it could not be done, 9 the program has errors, \
+10 not laid out properly, or a replay differs, 11 the scenario did not pass."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -27,6 +34,10 @@ struct Cli {
 enum Command {
     /// Bring up a rig of virtual controllers and keep it running until Ctrl-C or SIGTERM.
     Up(UpArgs),
+    /// Look at a rig that runs, and control it: its clock, inputs, faults, wires, power.
+    Rig(rig::RigArgs),
+    /// Run a recording again, headless, and tell whether every reply and the final state are identical.
+    Replay(replay::ReplayArgs),
     /// Print the demo rig file, commented: the starting point for one's own.
     ExampleRig,
     /// Check, build, read, lay out and run user programs of the SMSD.
@@ -44,6 +55,16 @@ struct UpArgs {
     /// Where non-volatile memory lives; by default a folder for this rig in the platform's state folder.
     #[arg(long, value_name = "DIR")]
     state: Option<PathBuf>,
+    /// Record everything that goes into the rig to this new file, for `stepdrive replay`.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Where the rig is controlled from, instead of where its file says; port 0 takes a free one. Others than this
+    /// computer are let in only when the rig file has an `api_token`.
+    #[arg(long, value_name = "ADDRESS")]
+    api: Option<SocketAddr>,
+    /// How rig time passes, instead of as the rig file says: real, xFACTOR (0.01 to 1 000 000), paused.
+    #[arg(long, value_name = "MODE", value_parser = ClockMode::parse)]
+    clock: Option<ClockMode>,
 }
 
 /// A command that did not do what it was asked to.
@@ -57,6 +78,8 @@ enum Failure {
     Program(String),
     /// A file is not as it should be: exit code 10.
     Differs(String),
+    /// A scenario did not pass: exit code 11.
+    Scenario(String),
 }
 
 fn main() -> ExitCode {
@@ -70,6 +93,8 @@ fn main() -> ExitCode {
     };
     let outcome = match cli.command {
         Command::Up(args) => up::up(&args),
+        Command::Rig(args) => rig::rig(&args),
+        Command::Replay(args) => replay::replay(&args),
         Command::ExampleRig => print(stepdrive_rig::file::DEMO),
         Command::Program(command) => program::program(&command),
     };
@@ -79,19 +104,8 @@ fn main() -> ExitCode {
         Err(Failure::Failed(message)) => (message, 2),
         Err(Failure::Program(message)) => (message, 9),
         Err(Failure::Differs(message)) => (message, 10),
+        Err(Failure::Scenario(message)) => (message, 11),
     };
-    // Without a stderr there is nobody to tell.
-    let _ = writeln!(io::stderr(), "stepdrive: {message}");
+    tell(&format!("stepdrive: {message}"));
     ExitCode::from(code)
-}
-
-/// Writes a result to stdout. A reader that has gone, as in `stepdrive example-rig | head -1`, is no failure.
-fn print(text: &str) -> Result<(), Failure> {
-    let mut stdout = io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Failure::Failed(format!("cannot write to stdout: {error}")))
-        }
-        _ => Ok(()),
-    }
 }

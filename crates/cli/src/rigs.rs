@@ -12,34 +12,43 @@ pub(crate) struct Rig {
     pub(crate) name: String,
     /// What its file says.
     pub(crate) file: RigFile,
+    /// Its file as it is written.
+    pub(crate) text: String,
     /// The folder of its non-volatile memory.
     pub(crate) state: PathBuf,
 }
 
 /// Finds and reads the rig.
 pub(crate) fn load(args: &UpArgs) -> Result<Rig, Failure> {
-    let (name, file) = read(args.rig.as_deref())?;
+    let (name, text) = read_text(args.rig.as_deref())?;
+    let file = parse(&name, &text)?;
     let state = match (&args.state, &args.rig) {
         (Some(state), _) => state.clone(),
         (None, Some(path)) => state_folder()?.join(folder_name(path)),
         (None, None) => state_folder()?.join("demo"),
     };
-    Ok(Rig { name, file, state })
+    Ok(Rig { name, file, text, state })
 }
 
 /// Reads a rig file, or the demo rig when there is none, and says what it is called.
 pub(crate) fn read(path: Option<&Path>) -> Result<(String, RigFile), Failure> {
-    let (name, text) = match path {
-        None => ("the built-in demo rig".to_owned(), DEMO.to_owned()),
-        Some(path) => {
-            let shown = path.display();
-            let text = std::fs::read_to_string(path)
-                .map_err(|error| Failure::Usage(format!("cannot read the rig file {shown}: {error}")))?;
-            (shown.to_string(), text)
-        }
-    };
-    let file = RigFile::parse(&text).map_err(|mistake| Failure::Usage(mistake.render(&name)))?;
+    let (name, text) = read_text(path)?;
+    let file = parse(&name, &text)?;
     Ok((name, file))
+}
+
+/// What a rig is called, and its file as it is written.
+pub(crate) fn read_text(path: Option<&Path>) -> Result<(String, String), Failure> {
+    let Some(path) = path else { return Ok(("the built-in demo rig".to_owned(), DEMO.to_owned())) };
+    let shown = path.display();
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Failure::Usage(format!("cannot read the rig file {shown}: {error}")))?;
+    Ok((shown.to_string(), text))
+}
+
+/// What a rig file says.
+pub(crate) fn parse(name: &str, text: &str) -> Result<RigFile, Failure> {
+    RigFile::parse(text).map_err(|mistake| Failure::Usage(mistake.render(name)))
 }
 
 /// The platform's folder for what a program remembers.

@@ -1,17 +1,19 @@
 //! `stepdrive up`: brings a rig up and keeps it running.
 
+use crate::rig::DEFAULT_API;
 use crate::rigs::{self, Rig};
-use crate::{Failure, UpArgs, print};
+use crate::terminal::print;
+use crate::{Failure, UpArgs};
 use serde::Serialize;
 use std::fmt::{Display, Write as _};
 use std::io::{self, Write as _};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
-use std::path::PathBuf;
-use std::sync::mpsc;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::Duration;
-use stepdrive_rig::file::{ControllerSection, DriveSection, SwitchSection};
-use stepdrive_server::{Notice, Options, ServedDrive, Server};
+use stepdrive_rig::file::{ApiSection, ControllerSection, DriveSection, SwitchSection};
+use stepdrive_server::{Notify, Options, Recording, ServedDrive, Server};
 use tokio::runtime;
 
 /// The line of `--json`.
@@ -19,6 +21,10 @@ use tokio::runtime;
 struct Ready {
     event: &'static str,
     drives: Vec<ReadyDrive>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    api: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    recording: Option<PathBuf>,
 }
 
 /// A drive in the line of `--json`.
@@ -36,30 +42,52 @@ struct ReadyDrive {
 
 /// Brings up the rig and serves it until the process is asked to end.
 pub(crate) fn up(args: &UpArgs) -> Result<(), Failure> {
-    let rig = rigs::load(args)?;
+    let mut rig = rigs::load(args)?;
+    set_options(&mut rig, args)?;
     let runtime = runtime::Builder::new_multi_thread().enable_all().build();
     let runtime = runtime.map_err(|error| Failure::Failed(format!("cannot start threads: {error}")))?;
     let talk = Talk::start().map_err(|error| Failure::Failed(format!("cannot start threads: {error}")))?;
-    let notify = talk.notify();
     runtime.block_on(async {
         // Asked for before anything is announced, so that a signal never finds the default of dying at once.
         let end =
             end_requested().map_err(|error| Failure::Failed(format!("cannot catch signals: {error}")))?;
-        let server = Server::start(&rig.file, Options { state: rig.state.clone(), notify })
+        let server = Server::start(&rig.file, options(&rig, args, talk.notify()))
             .await
             .map_err(|error| Failure::Failed(error.to_string()))?;
-        print(&if args.json { ready_line(server.drives())? } else { welcome(&rig, server.drives()) })?;
+        let up = Running { rig: &rig, server: &server, recording: args.record.as_deref() };
+        print(&if args.json { up.ready_line()? } else { up.welcome() })?;
         end.await;
         server.stop().await;
-        Ok(())
+        Ok::<(), Failure>(())
     })?;
     talk.finish();
     Ok(())
 }
 
+/// What the arguments say otherwise than the rig file.
+fn set_options(rig: &mut Rig, args: &UpArgs) -> Result<(), Failure> {
+    rig.file.clock = args.clock.unwrap_or(rig.file.clock);
+    let Some(address) = args.api else { return Ok(()) };
+    let token = rig.file.api.take().and_then(|api| api.token);
+    if token.is_none() && !address.ip().to_canonical().is_loopback() {
+        return Err(Failure::Usage(format!(
+            "--api {address}: others could control the rig there; give it an api_token in its rig file, or take a loopback \
+             address, as in 127.0.0.1:{}",
+            address.port()
+        )));
+    }
+    rig.file.api = Some(ApiSection { address, token });
+    Ok(())
+}
+
+fn options(rig: &Rig, args: &UpArgs, notify: Notify) -> Options {
+    let recording = args.record.clone().map(|file| Recording { file, rig: rig.text.clone() });
+    Options { state: rig.state.clone(), recording, notify }
+}
+
 /// Waits for Ctrl-C or SIGTERM.
 #[cfg(unix)]
-fn end_requested() -> io::Result<impl Future<Output = ()>> {
+pub(crate) fn end_requested() -> io::Result<impl Future<Output = ()>> {
     use tokio::signal::unix::{SignalKind, signal};
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut terminate = signal(SignalKind::terminate())?;
@@ -73,7 +101,7 @@ fn end_requested() -> io::Result<impl Future<Output = ()>> {
 
 /// Waits for Ctrl-C.
 #[cfg(not(unix))]
-fn end_requested() -> io::Result<impl Future<Output = ()>> {
+pub(crate) fn end_requested() -> io::Result<impl Future<Output = ()>> {
     Ok(async {
         // When it cannot be caught, the default of dying at once is as good.
         let _ = tokio::signal::ctrl_c().await;
@@ -107,9 +135,9 @@ impl Talk {
     }
 
     /// What the server tells its notices to.
-    fn notify(&self) -> Box<dyn Fn(Notice) + Send + Sync> {
+    fn notify(&self) -> Notify {
         let lines = self.lines.clone();
-        Box::new(move |notice| {
+        Arc::new(move |notice| {
             let _ = lines.try_send(notice.to_string());
         })
     }
@@ -121,28 +149,52 @@ impl Talk {
     }
 }
 
-fn ready_line(drives: &[ServedDrive]) -> Result<String, Failure> {
-    let drive = |drive: &ServedDrive| {
-        let ServedDrive { name, model, modbus_tcp, unit: _, serial, serial_tcp } = drive.clone();
-        ReadyDrive { name, model, modbus_tcp, serial, serial_tcp }
-    };
-    let ready = Ready { event: "ready", drives: drives.iter().map(drive).collect() };
-    let line = serde_json::to_string(&ready).map_err(|error| Failure::Failed(error.to_string()))?;
-    Ok(line + "\n")
+/// A rig that is up.
+struct Running<'a> {
+    rig: &'a Rig,
+    server: &'a Server,
+    recording: Option<&'a Path>,
 }
 
-/// What runs where, and three things to try.
-fn welcome(rig: &Rig, drives: &[ServedDrive]) -> String {
-    let mut text = format!("stepdrive {}: {} is up.\n\n", env!("CARGO_PKG_VERSION"), rig.name);
-    for (served, section) in drives.iter().zip(&rig.file.drives) {
-        let ServedDrive { name, model, .. } = served;
-        let _ = writeln!(text, "  {name}  {model}  {}", reached(served));
-        let _ = writeln!(text, "  {:width$}  {}", "", mechanics(section), width = name.len());
+impl Running<'_> {
+    /// The URL of its control API.
+    fn api(&self) -> Option<String> {
+        self.server.api().map(|at| format!("http://{}", SocketAddr::new(reachable(at), at.port())))
     }
-    let _ = writeln!(text, "\nNon-volatile memory: {}", rig.state.display());
-    text.push_str(&things_to_try(drives));
-    text.push_str("\nCtrl-C ends it.\n");
-    text
+
+    fn ready_line(&self) -> Result<String, Failure> {
+        let drive = |drive: &ServedDrive| {
+            let ServedDrive { name, model, modbus_tcp, unit: _, serial, serial_tcp } = drive.clone();
+            ReadyDrive { name, model, modbus_tcp, serial, serial_tcp }
+        };
+        let drives = self.server.drives().iter().map(drive).collect();
+        let recording = self.recording.map(Path::to_owned);
+        let ready = Ready { event: "ready", drives, api: self.api(), recording };
+        let line = serde_json::to_string(&ready).map_err(|error| Failure::Failed(error.to_string()))?;
+        Ok(line + "\n")
+    }
+
+    /// What runs where, and a few things to try.
+    fn welcome(&self) -> String {
+        let Running { rig, server, recording } = self;
+        let mut text = format!("stepdrive {}: {} is up.\n\n", env!("CARGO_PKG_VERSION"), rig.name);
+        for (served, section) in server.drives().iter().zip(&rig.file.drives) {
+            let ServedDrive { name, model, .. } = served;
+            let _ = writeln!(text, "  {name}  {model}  {}", reached(served));
+            let _ = writeln!(text, "  {:width$}  {}", "", mechanics(section), width = name.len());
+        }
+        let _ = writeln!(text, "\nNon-volatile memory: {}", rig.state.display());
+        let api = self.api();
+        if let Some(api) = &api {
+            let _ = writeln!(text, "Control API: {api}");
+        }
+        if let Some(recording) = recording {
+            let _ = writeln!(text, "Recording: {}", recording.display());
+        }
+        text.push_str(&things_to_try(server.drives(), api.as_deref()));
+        text.push_str("\nCtrl-C ends it.\n");
+        text
+    }
 }
 
 /// Where a drive is reached.
@@ -153,8 +205,9 @@ fn reached(drive: &ServedDrive) -> String {
     [modbus, serial, serial_tcp].into_iter().flatten().collect::<Vec<String>>().join(", ")
 }
 
-/// Three things to try, with the first drive of each family.
-fn things_to_try(drives: &[ServedDrive]) -> String {
+/// A few things to try, with the first drive of each family.
+fn things_to_try(drives: &[ServedDrive], api: Option<&str>) -> String {
+    let program = std::env::args().next().unwrap_or_else(|| "stepdrive".to_owned());
     let mut things = Vec::new();
     if let Some((at, unit)) = drives.iter().find_map(|drive| drive.modbus_tcp.zip(drive.unit)) {
         let (host, port) = (reachable(at), at.port());
@@ -174,7 +227,14 @@ fn things_to_try(drives: &[ServedDrive]) -> String {
      python3 -m serial.tools.miniterm --eol CRLF {path} 115200"
         ));
     }
-    let program = std::env::args().next().unwrap_or_else(|| "stepdrive".to_owned());
+    if let Some(api) = api {
+        let at = if api == DEFAULT_API { String::new() } else { format!(" --api {api}") };
+        things.push(format!(
+            "see what the drives do, and control the rig:
+     {program} rig{at} status
+     {program} rig{at} watch"
+        ));
+    }
     things.push(format!(
         "make a rig of your own:
      {program} example-rig > my-rig.toml && {program} up my-rig.toml"

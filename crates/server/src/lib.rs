@@ -4,22 +4,34 @@
 //! controllers: it carries bytes and time to them and their replies back.
 //!
 //! * [`Server`] starts a rig and says where its drives are reached.
-//! * `clock` is where time comes from; `station` keeps one machine in step with it.
+//! * `clock` is where time comes from; `world` keeps the rig in step with it; [`Control`] is how both are controlled.
 //! * `modbus` speaks to clients; [`store`] keeps what survives power-off.
 
+mod api;
 mod clock;
+mod control;
+mod drive;
 mod flash;
 mod lines;
+mod link;
 mod modbus;
 mod pty;
+pub mod recording;
+pub mod replay;
+pub mod scenario;
 mod smd3;
 mod smsd;
-mod station;
 pub mod store;
+mod talk;
+mod world;
 
-use clock::Clock;
+pub use control::{Control, Moved, Until};
+pub use drive::Notify;
+
+use drive::Drive;
 use flash::Flash;
 use lines::LineListener;
+use recording::{Header, RecordedDrive, Recorder};
 use smd3::Smd3Station;
 use smsd::SmsdStation;
 use std::fmt;
@@ -27,18 +39,31 @@ use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 use stepdrive_drive::smsd::Refusal;
-use stepdrive_rig::file::{ControllerSection, RigFile, SerialPort};
-use stepdrive_spec::smsd::models::Model;
-use store::{Store, StoreError};
+use stepdrive_rig::any::AnyMachine;
+use stepdrive_rig::file::{ControllerSection, DriveSection, RigFile, SerialPort, Smd3Section, SmsdSection};
+use store::{Saver, Store, StoreError};
 use tokio::task::JoinSet;
+use world::World;
 
 /// How a rig is to be served.
 pub struct Options {
     /// The folder for non-volatile memory; made when it is not there.
     pub state: PathBuf,
+    /// Where everything that goes in is recorded; a file there is an error. `None` records nothing.
+    pub recording: Option<Recording>,
     /// Is told what happens, as it happens. It has to return at once: the drive waits meanwhile.
-    pub notify: Box<dyn Fn(Notice) + Send + Sync>,
+    pub notify: Notify,
+}
+
+/// A recording that is to be made.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// The file.
+    pub file: PathBuf,
+    /// The text of the rig file.
+    pub rig: String,
 }
 
 impl fmt::Debug for Options {
@@ -85,6 +110,8 @@ pub enum What {
     },
     /// A virtual COM port failed and is served no more.
     SerialFailed(io::Error),
+    /// The recording could not be written, and is not continued.
+    RecordingFailed(String),
 }
 
 impl fmt::Display for Notice {
@@ -106,6 +133,12 @@ impl fmt::Display for Notice {
             What::StoreFailed(error) => write!(f, "{error}; STORE was answered with -5 (Action failed)"),
             What::DamagedConfiguration { copy } => {
                 write!(f, "the stored configuration is damaged; a copy is kept in {}", copy.display())
+            }
+            What::RecordingFailed(error) => {
+                write!(
+                    f,
+                    "the recording cannot be written ({error}); what is in the file so far can be replayed"
+                )
             }
             What::SerialFailed(error) => write!(f, "the serial port failed and is closed: {error}"),
             What::CannotAccept(error) => write!(f, "cannot accept connections for the moment: {error}"),
@@ -131,6 +164,17 @@ pub enum StartError {
         /// Why not.
         error: io::Error,
     },
+    /// The control API cannot listen.
+    #[error(
+        "cannot listen on {address} for the control API: {error}; choose another `api` in the rig file, or end what \
+             uses it"
+    )]
+    Api {
+        /// Its address.
+        address: SocketAddr,
+        /// Why not.
+        error: io::Error,
+    },
     /// A virtual COM port cannot be made.
     #[error("{drive}: cannot make the serial port {}: {error}; name another place with serial = \"pty:PATH\"", path.display())]
     Serial {
@@ -138,6 +182,14 @@ pub enum StartError {
         drive: String,
         /// Its name.
         path: PathBuf,
+        /// Why not.
+        error: io::Error,
+    },
+    /// A recording cannot be made.
+    #[error("cannot record to {}: {error}; name a new file in a folder that exists", file.display())]
+    Record {
+        /// The file.
+        file: PathBuf,
         /// Why not.
         error: io::Error,
     },
@@ -174,6 +226,8 @@ pub struct ServedDrive {
 #[derive(Debug)]
 pub struct Server {
     drives: Vec<ServedDrive>,
+    api: Option<SocketAddr>,
+    control: Control,
     tasks: JoinSet<()>,
     store: Store,
     flashes: Vec<Flash>,
@@ -187,13 +241,13 @@ impl Server {
     /// When the memory cannot be read or an address cannot be listened on. Nothing is left running then.
     pub async fn start(rig: &RigFile, options: Options) -> Result<Server, StartError> {
         let mut store = Store::open(&options.state)?;
-        match bring_up(rig, &options.state, &mut store, &Arc::from(options.notify)).await {
-            Ok(ready) => {
-                let mut tasks = JoinSet::new();
-                let flashes = ready.iter().filter_map(ReadyDrive::flash).cloned().collect();
-                let drives = ready.into_iter().map(|ready| ready.serve(&mut tasks)).collect();
-                Ok(Server { drives, tasks, store, flashes })
-            }
+        let up = async {
+            let api = listen_for_control(rig).await?;
+            let (world, ready) = bring_up(rig, &options, &mut store).await?;
+            Ok((world, ready, api))
+        };
+        match up.await {
+            Ok((world, ready, api)) => Ok(Server::serve(world, ready, api, store, &options.notify)),
             Err(error) => {
                 store.close().await;
                 Err(error)
@@ -201,25 +255,103 @@ impl Server {
         }
     }
 
+    fn serve(
+        world: Arc<World>,
+        ready: Vec<ReadyDrive>,
+        api: Option<api::Listener>,
+        store: Store,
+        notify: &Notify,
+    ) -> Server {
+        let mut tasks = JoinSet::new();
+        let flashes = ready.iter().filter_map(ReadyDrive::flash).cloned().collect();
+        let mut keepers: Vec<Vec<Keeper>> = (0..world.groups()).map(|_| Vec::new()).collect();
+        let mut drives = Vec::new();
+        for drive in ready {
+            let group = world.group_of(drives.len());
+            let (served, keeper) = drive.serve(&mut tasks);
+            drives.push(served);
+            if let Some(keepers) = keepers.get_mut(group) {
+                keepers.push(keeper);
+            }
+        }
+        for (group, keepers) in keepers.into_iter().enumerate() {
+            tasks.spawn(keep_time(Arc::clone(&world), group, keepers));
+        }
+        if world.recorder().is_some() {
+            tasks.spawn(keep_recording(Arc::clone(&world), Arc::clone(notify)));
+        }
+        let control = Control::new(Arc::clone(&world));
+        let address = api.as_ref().map(api::Listener::address);
+        if let Some(api) = api {
+            tasks.spawn(api.serve(world, control.clone(), drives.clone(), Arc::clone(notify)));
+        }
+        Server { drives, api: address, control, tasks, store, flashes }
+    }
+
     /// The drives, in the order of the rig file.
     pub fn drives(&self) -> &[ServedDrive] {
         &self.drives
     }
 
-    /// Closes all connections and listeners, and returns when what clients were told is stored and the state folder is
-    /// free for another server.
+    /// Where the control API listens; `None` when the rig file asks for none.
+    pub fn api(&self) -> Option<SocketAddr> {
+        self.api
+    }
+
+    /// What controls the rig from within this process.
+    pub fn control(&self) -> &Control {
+        &self.control
+    }
+
+    /// Closes all connections and listeners, and returns when what clients were told is stored, the recording is whole,
+    /// and the state folder is free for another server.
     pub async fn stop(mut self) {
         self.tasks.shutdown().await;
         for flash in &self.flashes {
             flash.close().await;
         }
         self.store.close().await;
+        self.control.end_recording();
+    }
+}
+
+/// Whoever sees to what happens in a drive without a client.
+enum Keeper {
+    Smsd(Arc<SmsdStation>),
+    Smd3(Arc<Smd3Station>),
+}
+
+/// Lets what is due in a group happen when it is, for as long as it is served.
+async fn keep_time(world: Arc<World>, group: usize, keepers: Vec<Keeper>) {
+    loop {
+        world.wait(group).await;
+        for keeper in &keepers {
+            match keeper {
+                Keeper::Smsd(station) => station.look_after().await,
+                Keeper::Smd3(station) => station.look_after().await,
+            }
+        }
+    }
+}
+
+/// How often what was recorded is handed to the system.
+const FLUSH: Duration = Duration::from_millis(200);
+
+/// Hands what was recorded to the system now and then, until that fails.
+async fn keep_recording(world: Arc<World>, notify: Notify) {
+    while let Some(recorder) = world.recorder() {
+        tokio::time::sleep(FLUSH).await;
+        recorder.flush();
+        if let Some(error) = recorder.error() {
+            notify(Notice { drive: "the rig".to_owned(), what: What::RecordingFailed(error) });
+            return;
+        }
     }
 }
 
 /// A drive that is switched on and listens, but is not served yet.
 enum ReadyDrive {
-    Smsd { model: Model, station: SmsdStation, listener: modbus::Listener },
+    Smsd { station: SmsdStation, listener: modbus::Listener },
     Smd3 { station: Smd3Station, pty: Option<OpenPty>, listener: Option<LineListener> },
 }
 
@@ -234,32 +366,38 @@ impl ReadyDrive {
         }
     }
 
-    fn serve(self, tasks: &mut JoinSet<()>) -> ServedDrive {
+    /// What it was when it was switched on; nobody has been served yet.
+    fn recorded(&self) -> RecordedDrive {
         match self {
-            ReadyDrive::Smsd { model, station, listener } => serve_smsd(model, station, listener, tasks),
+            ReadyDrive::Smsd { station, .. } => station.recorded(),
+            ReadyDrive::Smd3 { station, .. } => station.recorded(),
+        }
+    }
+
+    fn serve(self, tasks: &mut JoinSet<()>) -> (ServedDrive, Keeper) {
+        match self {
+            ReadyDrive::Smsd { station, listener } => serve_smsd(station, listener, tasks),
             ReadyDrive::Smd3 { station, pty, listener } => serve_smd3(station, pty, listener, tasks),
         }
     }
 }
 
 fn serve_smsd(
-    model: Model,
     station: SmsdStation,
     listener: modbus::Listener,
     tasks: &mut JoinSet<()>,
-) -> ServedDrive {
+) -> (ServedDrive, Keeper) {
     let served = ServedDrive {
-        name: station.name().to_owned(),
-        model: model.name(),
+        name: station.drive().name().to_owned(),
+        model: station.model(),
         modbus_tcp: Some(listener.address()),
         unit: Some(station.unit()),
         serial: None,
         serial_tcp: None,
     };
     let station = Arc::new(station);
-    tasks.spawn(Arc::clone(&station).keep_time());
-    tasks.spawn(listener.serve(station));
-    served
+    tasks.spawn(listener.serve(Arc::clone(&station)));
+    (served, Keeper::Smsd(station))
 }
 
 fn serve_smd3(
@@ -267,9 +405,9 @@ fn serve_smd3(
     pty: Option<OpenPty>,
     listener: Option<LineListener>,
     tasks: &mut JoinSet<()>,
-) -> ServedDrive {
+) -> (ServedDrive, Keeper) {
     let served = ServedDrive {
-        name: station.name().to_owned(),
+        name: station.drive().name().to_owned(),
         model: "SMD3",
         modbus_tcp: None,
         unit: None,
@@ -277,7 +415,6 @@ fn serve_smd3(
         serial_tcp: listener.as_ref().map(LineListener::address),
     };
     let station = Arc::new(station);
-    tasks.spawn(Arc::clone(&station).keep_time());
     if let Some((port, name)) = pty {
         let station = Arc::clone(&station);
         tasks.spawn(async move {
@@ -287,41 +424,102 @@ fn serve_smd3(
         });
     }
     if let Some(listener) = listener {
-        tasks.spawn(listener.serve(station));
+        tasks.spawn(listener.serve(Arc::clone(&station)));
     }
-    served
+    (served, Keeper::Smd3(station))
+}
+
+/// Where a drive's memory is kept.
+enum Kept {
+    Store(Saver),
+    Flash { flash: Flash, damaged: Option<PathBuf> },
+}
+
+/// Lets the control API listen, if the rig file asks for it.
+async fn listen_for_control(rig: &RigFile) -> Result<Option<api::Listener>, StartError> {
+    let Some(section) = &rig.api else { return Ok(None) };
+    let listener = api::Listener::bind(section).await;
+    listener.map(Some).map_err(|error| StartError::Api { address: section.address, error })
 }
 
 /// Switches all drives on and lets them listen.
 async fn bring_up(
     rig: &RigFile,
-    state: &Path,
+    options: &Options,
     store: &mut Store,
-    notify: &station::Notify,
-) -> Result<Vec<ReadyDrive>, StartError> {
-    let clock = Clock::start(rig.clock);
-    let mut ready = Vec::new();
+) -> Result<(Arc<World>, Vec<ReadyDrive>), StartError> {
+    let (mut machines, mut kept) = (Vec::new(), Vec::new());
     for drive in &rig.drives {
-        let notify = Arc::clone(notify);
-        ready.push(match &drive.controller {
-            ControllerSection::Smsd(section) => {
-                let mut station = SmsdStation::power_up(drive, section, clock, store, notify)?;
-                let listener = listen(&mut station).await?;
-                ReadyDrive::Smsd { model: section.model, station, listener }
-            }
-            ControllerSection::Smd3(section) => {
-                let station = Smd3Station::power_up(drive, section, clock, state, notify)?;
-                let pty =
-                    section.serial.as_ref().map(|port| open_pty(&drive.name, port, state)).transpose()?;
-                let listener = match section.serial_tcp {
-                    Some(address) => Some(listen_for_lines(&drive.name, address).await?),
-                    None => None,
-                };
-                ReadyDrive::Smd3 { station, pty, listener }
-            }
-        });
+        let (machine, memory) = match &drive.controller {
+            ControllerSection::Smsd(section) => power_up_smsd(drive, section, store)?,
+            ControllerSection::Smd3(section) => power_up_smd3(drive, section, &options.state)?,
+        };
+        machines.push(machine);
+        kept.push(memory);
     }
-    Ok(ready)
+    let world = Arc::new(World::new(rig.clone(), machines));
+    let mut ready = Vec::new();
+    for (number, (section, memory)) in rig.drives.iter().zip(kept).enumerate() {
+        let drive = Drive::new(Arc::clone(&world), number, Arc::clone(&options.notify));
+        ready.push(get_ready(drive, section, memory, &options.state).await?);
+    }
+    if let Some(Recording { file, rig }) = &options.recording {
+        let drives = ready.iter().map(ReadyDrive::recorded).collect();
+        let created = Recorder::create(file, &Header::new(rig.clone(), drives));
+        world.record(created.map_err(|error| StartError::Record { file: file.clone(), error })?);
+    }
+    Ok((world, ready))
+}
+
+fn power_up_smsd(
+    drive: &DriveSection,
+    section: &SmsdSection,
+    store: &mut Store,
+) -> Result<(AnyMachine, Kept), StartError> {
+    let saver = store.saver(&drive.name, section.model);
+    let memory = store.load(&drive.name, section.model)?;
+    Ok((AnyMachine::Smsd(Box::new(section.power_up(drive, memory))), Kept::Store(saver)))
+}
+
+fn power_up_smd3(
+    drive: &DriveSection,
+    section: &Smd3Section,
+    state: &Path,
+) -> Result<(AnyMachine, Kept), StartError> {
+    let flash = Flash::new(state, &drive.name);
+    let (stored, damaged) = flash.load()?;
+    let machine = AnyMachine::Smd3(Box::new(section.power_up(drive, stored)));
+    Ok((machine, Kept::Flash { flash, damaged }))
+}
+
+/// Lets a drive listen.
+async fn get_ready(
+    drive: Drive,
+    section: &DriveSection,
+    memory: Kept,
+    state: &Path,
+) -> Result<ReadyDrive, StartError> {
+    match (&section.controller, memory) {
+        (ControllerSection::Smsd(smsd), Kept::Store(saver)) => {
+            let mut station = SmsdStation::new(drive, smsd, saver);
+            let listener = listen(&mut station).await?;
+            Ok(ReadyDrive::Smsd { station, listener })
+        }
+        (ControllerSection::Smd3(smd3), Kept::Flash { flash, damaged }) => {
+            if let Some(copy) = damaged {
+                drive.tell(What::DamagedConfiguration { copy });
+            }
+            let pty = smd3.serial.as_ref().map(|port| open_pty(&section.name, port, state)).transpose()?;
+            let listener = match smd3.serial_tcp {
+                Some(address) => Some(listen_for_lines(&section.name, address).await?),
+                None => None,
+            };
+            Ok(ReadyDrive::Smd3 { station: Smd3Station::new(drive, flash), pty, listener })
+        }
+        (ControllerSection::Smsd(_), Kept::Flash { .. }) | (ControllerSection::Smd3(_), Kept::Store(_)) => {
+            unreachable!("a drive's memory is kept as its own family's is")
+        }
+    }
 }
 
 /// Makes a virtual COM port, in the state folder unless the rig names a place.
@@ -356,7 +554,7 @@ async fn listen(station: &mut SmsdStation) -> Result<modbus::Listener, StartErro
         }
         Err(error) => {
             let remembered = station.lan_port().is_some();
-            Err(StartError::Listen { drive: station.name().to_owned(), address, remembered, error })
+            Err(StartError::Listen { drive: station.drive().name().to_owned(), address, remembered, error })
         }
     }
 }

@@ -1,15 +1,17 @@
 //! The transports of an SMD3: a virtual COM port, and lines over TCP.
 
 use crate::What;
+use crate::link::Outgoing;
 use crate::pty::Pty;
 use crate::smd3::Smd3Station;
+use crate::talk::{Heard, LineTalk};
 use socket2::{SockRef, TcpKeepalive};
 use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
-use stepdrive_proto::smd3::{LineBuf, LineReader};
+use stepdrive_proto::smd3::LineReader;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
@@ -31,43 +33,105 @@ const ACCEPT_REST: Duration = Duration::from_millis(100);
 const CHUNK: usize = 512;
 
 /// One conversation: the start of a line that is not whole yet, and replies that are not sent yet.
-struct Conversation {
+struct Conversation<'a> {
+    station: &'a Smd3Station,
+    /// The number of its connection in the rig.
+    number: u64,
     reader: LineReader,
-    reply: LineBuf,
-    output: Vec<u8>,
+    talk: LineTalk,
+    /// The bytes of a line that is not whole yet, if they are recorded.
+    begun: Option<Vec<u8>>,
+    /// The reply that is being made.
+    reply: Outgoing,
+    output: Outgoing,
 }
 
-impl Conversation {
-    fn new() -> Conversation {
-        Conversation { reader: LineReader::new(), reply: LineBuf::new(), output: Vec::new() }
+impl Drop for Conversation<'_> {
+    fn drop(&mut self) {
+        self.station.drive().shut(self.number);
     }
+}
 
-    /// Answers every line that these bytes complete.
-    async fn take(&mut self, mut bytes: &[u8], station: &Smd3Station) {
-        while let Some(line) = self.reader.take(&mut bytes) {
-            station.answer(line, &mut self.reply).await;
-            self.output.extend_from_slice(&self.reply);
+impl Conversation<'_> {
+    fn new(station: &Smd3Station) -> Conversation<'_> {
+        let world = station.drive().world();
+        let number = station.drive().open();
+        Conversation {
+            station,
+            number,
+            reader: LineReader::new(),
+            talk: LineTalk::new(world.rig().seed, number),
+            begun: world.recorder().map(|_| Vec::new()),
+            reply: Outgoing::default(),
+            output: Outgoing::default(),
         }
     }
+
+    /// Answers every line that these bytes complete. `false` when the line is cut.
+    async fn take(&mut self, mut bytes: &[u8]) -> bool {
+        loop {
+            let before = bytes;
+            let line = self.reader.take(&mut bytes);
+            let taken = before.get(..before.len() - bytes.len()).unwrap_or(&[]);
+            let raw = match &mut self.begun {
+                None => taken,
+                Some(begun) => {
+                    begun.extend_from_slice(taken);
+                    begun
+                }
+            };
+            let Some(line) = line else { return true };
+            let heard = self.station.hear(self.number, &mut self.talk, raw, line, &mut self.reply).await;
+            if heard == Heard::Cut {
+                return false;
+            }
+            self.output.append(&mut self.reply);
+            if let Some(begun) = &mut self.begun {
+                begun.clear();
+            }
+        }
+    }
+
+    /// Sends the collected replies.
+    async fn send<T: AsyncWrite + Unpin>(&mut self, port: &mut T, patience: Duration) -> io::Result<()> {
+        for part in self.output.parts() {
+            if !part.pause.is_zero() {
+                tokio::time::sleep(part.pause).await;
+            }
+            timeout(patience, port.write_all(part.bytes)).await??;
+        }
+        self.output.clear();
+        Ok(())
+    }
 }
 
-/// Answers a client's lines until it leaves. While it does not take its replies, no more of its lines are taken.
+/// How a conversation ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ended {
+    /// The client has left.
+    Left,
+    /// The line is cut.
+    Cut,
+}
+
+/// Answers a client's lines until it leaves or its line is cut. While it does not take its replies, no more of its lines
+/// are taken.
 async fn converse<T: AsyncRead + AsyncWrite + Unpin>(
     port: &mut T,
     station: &Smd3Station,
     patience: Duration,
-) -> io::Result<()> {
-    let mut conversation = Conversation::new();
+) -> io::Result<Ended> {
+    let mut conversation = Conversation::new(station);
     let mut chunk = [0; CHUNK];
     loop {
         let count = port.read(&mut chunk).await?;
         if count == 0 {
-            return Ok(());
+            return Ok(Ended::Left);
         }
-        conversation.take(chunk.get(..count).unwrap_or(&[]), station).await;
-        if !conversation.output.is_empty() {
-            timeout(patience, port.write_all(&conversation.output)).await??;
-            conversation.output.clear();
+        let intact = conversation.take(chunk.get(..count).unwrap_or(&[])).await;
+        conversation.send(port, patience).await?;
+        if !intact {
+            return Ok(Ended::Cut);
         }
     }
 }
@@ -75,7 +139,7 @@ async fn converse<T: AsyncRead + AsyncWrite + Unpin>(
 /// Serves a virtual COM port for as long as the drive is served.
 pub(crate) async fn serve_pty(mut port: Pty, station: Arc<Smd3Station>) {
     let Err(error) = serve_clients_of(&mut port, &station).await;
-    station.tell(What::SerialFailed(error));
+    station.drive().tell(What::SerialFailed(error));
 }
 
 /// One after the other: the last command of a client is carried out even when it has closed the port by then, and the
@@ -83,8 +147,9 @@ pub(crate) async fn serve_pty(mut port: Pty, station: Arc<Smd3Station>) {
 async fn serve_clients_of(port: &mut Pty, station: &Smd3Station) -> Result<Infallible, io::Error> {
     loop {
         port.opened().await?;
-        // A port is patient: what its client does not read waits until it closes.
-        converse(port, station, Duration::MAX).await?;
+        // A port is patient: what its client does not read waits until it closes. While the line is cut the client still
+        // has the port open, and is heard again once that is mended.
+        while converse(port, station, Duration::MAX).await? == Ended::Cut {}
         port.reset()?;
     }
 }
@@ -111,13 +176,19 @@ impl LineListener {
     /// Serves the drive's clients for as long as the drive is served.
     pub(crate) async fn serve(self, station: Arc<Smd3Station>) {
         let mut clients = JoinSet::new();
+        let mut line = station.drive().watch();
         loop {
-            match self.socket.accept().await {
-                Ok((stream, peer)) => admit(stream, peer, &mut clients, &station),
-                Err(error) => {
-                    station.tell(What::CannotAccept(error));
-                    tokio::time::sleep(ACCEPT_REST).await;
-                }
+            tokio::select! {
+                accepted = self.socket.accept() => match accepted {
+                    Ok((stream, peer)) => admit(stream, peer, &mut clients, &station),
+                    Err(error) => {
+                        station.drive().tell(What::CannotAccept(error));
+                        tokio::time::sleep(ACCEPT_REST).await;
+                    }
+                },
+                _ = line.changed() => if *line.borrow_and_update() {
+                    clients.shutdown().await;
+                },
             }
         }
     }
@@ -125,8 +196,11 @@ impl LineListener {
 
 fn admit(mut stream: TcpStream, peer: SocketAddr, clients: &mut JoinSet<()>, station: &Arc<Smd3Station>) {
     while clients.try_join_next().is_some() {}
+    if station.drive().is_down() {
+        return;
+    }
     if clients.len() >= MAX_CLIENTS {
-        station.tell(What::Full(peer));
+        station.drive().tell(What::Full(peer));
         return;
     }
     let station = Arc::clone(station);

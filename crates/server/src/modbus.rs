@@ -1,14 +1,15 @@
 //! Modbus TCP: a listener for each drive, a task for each connection.
 
 use crate::What;
+use crate::link::Outgoing;
 use crate::smsd::SmsdStation;
+use crate::talk::{Heard, ModbusTalk};
 use socket2::{SockRef, TcpKeepalive};
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
-use stepdrive_drive::smsd::Session;
-use stepdrive_proto::modbus::{Adu, Split, decode_request, encode_reply, split};
+use stepdrive_proto::modbus::{Split, split};
 use stepdrive_spec::smsd::timing::{HALF_FRAME_TIMEOUT, MAX_CONNECTIONS, UNREAD_REPLY_TIMEOUT};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
@@ -54,14 +55,18 @@ impl Listener {
     /// Serves the drive's clients until it is dropped.
     pub(crate) async fn serve(mut self, station: Arc<SmsdStation>) {
         let mut connections = Connections::new(Arc::clone(&station));
+        let mut line = station.drive().watch();
         loop {
             tokio::select! {
                 accepted = self.socket.accept() => match accepted {
                     Ok((stream, peer)) => connections.admit(stream, peer),
                     Err(error) => {
-                        station.tell(What::CannotAccept(error));
+                        station.drive().tell(What::CannotAccept(error));
                         tokio::time::sleep(ACCEPT_REST).await;
                     }
+                },
+                _ = line.changed() => if *line.borrow_and_update() {
+                    connections.close_all().await;
                 },
                 () = station.reconfigured() => {
                     // The network chip is set up anew: all its sockets are closed.
@@ -80,9 +85,9 @@ impl Listener {
         match Listener::bind(address).await {
             Ok(listener) => {
                 *self = listener;
-                station.tell(What::Moved(self.address));
+                station.drive().tell(What::Moved(self.address));
             }
-            Err(error) => station.tell(What::CannotMove { to: address, error }),
+            Err(error) => station.drive().tell(What::CannotMove { to: address, error }),
         }
     }
 }
@@ -104,21 +109,25 @@ impl Connections {
     /// Serves a connection, or closes it when all sockets are taken.
     fn admit(&mut self, stream: TcpStream, peer: SocketAddr) {
         while self.tasks.try_join_next().is_some() {}
+        if self.station.drive().is_down() {
+            return;
+        }
         if self.tasks.len() >= 2 * MAX_CONNECTIONS {
-            self.station.tell(What::Full(peer));
+            self.station.drive().tell(What::Full(peer));
             return;
         }
         let (station, sockets) = (Arc::clone(&self.station), Arc::clone(&self.sockets));
         self.tasks.spawn(async move {
             let Ok(Ok(_socket)) = timeout(LEAVING, sockets.acquire()).await else {
-                station.tell(What::Full(peer));
+                station.drive().tell(What::Full(peer));
                 return;
             };
             // Without these the connection still works, a little slower or a little longer.
             let _ = stream.set_nodelay(true);
             let _ = SockRef::from(&stream).set_tcp_keepalive(&TcpKeepalive::new().with_time(KEEPALIVE));
+            let connection = Connection::new(stream, Arc::clone(&station));
             // However it ends, there is nobody left to tell.
-            let _ = Connection::new(stream).serve(&station).await;
+            let _ = connection.serve().await;
         });
     }
 
@@ -130,35 +139,48 @@ impl Connections {
 
 /// A client's connection.
 struct Connection {
+    station: Arc<SmsdStation>,
+    /// Its number in the rig.
+    number: u64,
     stream: TcpStream,
-    session: Session,
+    talk: ModbusTalk,
     input: Box<[u8; INPUT]>,
     /// How much of `input` is filled.
     filled: usize,
     /// The reply that is being made.
-    reply: Adu,
+    reply: Outgoing,
     /// Replies to be sent.
-    output: Vec<u8>,
+    output: Outgoing,
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.station.drive().shut(self.number);
+    }
 }
 
 impl Connection {
-    fn new(stream: TcpStream) -> Connection {
+    fn new(stream: TcpStream, station: Arc<SmsdStation>) -> Connection {
+        let number = station.drive().open();
+        let seed = station.drive().world().rig().seed;
         Connection {
+            station,
+            number,
             stream,
-            session: Session::new(),
+            talk: ModbusTalk::new(seed, number),
             input: Box::new([0; INPUT]),
             filled: 0,
-            reply: Adu::new(),
-            output: Vec::new(),
+            reply: Outgoing::default(),
+            output: Outgoing::default(),
         }
     }
 
     /// Answers requests until the client leaves, falls silent in the middle of one, stops taking replies, or sends what
     /// cannot be Modbus.
-    async fn serve(mut self, station: &SmsdStation) -> io::Result<()> {
+    async fn serve(mut self) -> io::Result<()> {
         loop {
             self.receive().await?;
-            let intact = self.answer(station).await?;
+            let intact = self.answer().await?;
             self.send().await?;
             if !intact {
                 return Ok(());
@@ -179,8 +201,8 @@ impl Connection {
     }
 
     /// Answers every whole frame in the input and keeps the rest. `false` when the connection is over: its stream cannot
-    /// be followed any more, or the network chip is set up anew.
-    async fn answer(&mut self, station: &SmsdStation) -> io::Result<bool> {
+    /// be followed any more, its line is cut, or the network chip is set up anew.
+    async fn answer(&mut self) -> io::Result<bool> {
         let mut taken = 0;
         let intact = loop {
             let bytes = self.input.get(taken..self.filled).unwrap_or(&[]);
@@ -194,17 +216,19 @@ impl Connection {
                 Split::Frame { frame, size } => (frame, size),
             };
             taken += size;
-            let Some(duties) = station.answer(&mut self.session, &frame, &mut self.reply) else { continue };
-            if duties.store
-                && let Err(exception) = station.store().await
-                && let Ok(request) = decode_request(frame.pdu)
-            {
-                encode_reply(&mut self.reply, frame.transaction, frame.unit, &request, &Err(exception));
+            let raw = bytes.get(..size).unwrap_or(&[]);
+            let (heard, duties) =
+                self.station.hear(self.number, &mut self.talk, raw, &frame, &mut self.reply);
+            if heard == Heard::Cut {
+                break false;
             }
-            self.output.extend_from_slice(&self.reply);
+            if duties.store && self.station.store().await.is_err() {
+                self.station.refuse(self.number, &mut self.talk, &frame, &mut self.reply);
+            }
+            self.output.append(&mut self.reply);
             if duties.reconfigure {
                 self.send().await?;
-                station.reconfigure();
+                self.station.reconfigure();
                 break false;
             } else if self.output.len() >= OUTPUT {
                 self.send().await?;
@@ -217,18 +241,21 @@ impl Connection {
 
     /// Sends the collected replies.
     async fn send(&mut self) -> io::Result<()> {
-        if !self.output.is_empty() {
+        for part in self.output.parts() {
+            if !part.pause.is_zero() {
+                tokio::time::sleep(part.pause).await;
+            }
             // Most replies fit into the socket's buffer, so that no timer is needed.
-            let sent = match self.stream.try_write(&self.output) {
+            let sent = match self.stream.try_write(part.bytes) {
                 Ok(sent) => sent,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => 0,
                 Err(error) => return Err(error),
             };
-            if let Some(rest @ [_, ..]) = self.output.get(sent..) {
+            if let Some(rest @ [_, ..]) = part.bytes.get(sent..) {
                 timeout(UNREAD_REPLY_TIMEOUT, self.stream.write_all(rest)).await??;
             }
-            self.output.clear();
         }
+        self.output.clear();
         Ok(())
     }
 }

@@ -1,46 +1,46 @@
 //! An SMD3 as it is served: its lines and its flash.
 
 use crate::What;
-use crate::clock::Clock;
+use crate::drive::Drive;
 use crate::flash::Flash;
-use crate::station::{Notify, Station};
+use crate::link::Outgoing;
+use crate::recording::RecordedDrive;
 use crate::store::StoreError;
-use std::path::Path;
+use crate::talk::{Heard, LineTalk};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use stepdrive_drive::smd3::{Smd3, Stored};
-use stepdrive_proto::smd3::{Line, LineBuf, encode_reply};
-use stepdrive_rig::file::{DriveSection, Smd3Section};
-use stepdrive_spec::smd3::commands::{Command, Request};
-use stepdrive_spec::smd3::errors::Error;
+use stepdrive_proto::smd3::Line;
+use stepdrive_rig::group::Group;
+use stepdrive_rig::machine::Machine;
 
 /// An SMD3 and its flash.
 pub(crate) struct Smd3Station {
-    station: Arc<Station<Smd3>>,
+    drive: Arc<Drive>,
     flash: Flash,
+    /// The generation of the machine's memory that somebody sees to storing.
+    stored: AtomicU64,
 }
 
 impl Smd3Station {
-    /// Switches on the machine of a drive with what its flash holds.
-    pub(crate) fn power_up(
-        drive: &DriveSection,
-        section: &Smd3Section,
-        clock: Clock,
-        state: &Path,
-        notify: Notify,
-    ) -> Result<Smd3Station, StoreError> {
-        let flash = Flash::new(state, &drive.name);
-        let (stored, damaged) = flash.load()?;
-        let machine = section.power_up(drive, stored);
-        let station = Arc::new(Station::new(drive.name.clone(), clock, notify, machine));
-        if let Some(copy) = damaged {
-            station.tell(What::DamagedConfiguration { copy });
-        }
-        Ok(Smd3Station { station, flash })
+    /// An SMD3 that has just been switched on.
+    pub(crate) fn new(drive: Drive, flash: Flash) -> Smd3Station {
+        Smd3Station { drive: Arc::new(drive), flash, stored: AtomicU64::new(0) }
     }
 
-    /// The drive's name in the rig.
-    pub(crate) fn name(&self) -> &str {
-        self.station.name()
+    /// The drive.
+    pub(crate) fn drive(&self) -> &Drive {
+        &self.drive
+    }
+
+    /// What a recording says of it that begins now.
+    pub(crate) fn recorded(&self) -> RecordedDrive {
+        self.drive.visit(|group, member| {
+            let recorded = |machine: &mut Machine<Smd3>| {
+                RecordedDrive::smd3(self.drive.name(), machine.drive().stored())
+            };
+            smd3(group, member).map(recorded).unwrap_or_default()
+        })
     }
 
     /// The drive's flash.
@@ -48,47 +48,65 @@ impl Smd3Station {
         &self.flash
     }
 
-    /// Tells the person at the server.
-    pub(crate) fn tell(&self, what: What) {
-        self.station.tell(what);
-    }
-
-    /// Answers a line into `out`. What `STORE` keeps is safely in the flash by then; when that fails, the drive still has
-    /// what it had.
-    pub(crate) async fn answer(&self, line: Line<'_>, out: &mut LineBuf) {
-        let line = line.decode();
-        let (mut reply, before) = self.station.visit(|machine, now| {
-            let generation = machine.drive().memory_generation();
-            let may_store = matches!(line, Ok(Some(Request { command: Command::Store, .. })));
-            let before = may_store.then(|| *machine.drive().stored());
-            let reply = machine.handle(now, line);
-            (reply, before.filter(|_| machine.drive().memory_generation() != generation))
+    /// Answers a line into `out`; `bytes` are the line as it came. What `STORE` keeps is safely in the flash by then; when
+    /// that fails, the drive still has what it had.
+    pub(crate) async fn hear(
+        &self,
+        conn: u64,
+        talk: &mut LineTalk,
+        bytes: &[u8],
+        line: Line<'_>,
+        out: &mut Outgoing,
+    ) -> Heard {
+        let (heard, before) = self.drive.visit(|group, member| {
+            let (heard, before) = talk.hear(group, member, line, out);
+            self.drive.record(group, conn, bytes, out, heard);
+            self.drive.look_at_line(group, member);
+            // This one sees to it.
+            self.has_stored(group, member);
+            (heard, before)
         });
         if let Some(before) = before
             && let Err(error) = self.store().await
         {
-            self.station.visit(|machine, _| machine.drive_mut().undo_store(before));
-            self.tell(What::StoreFailed(error));
-            reply.outcome = Err(Error::ActionFailed);
+            self.drive.tell(What::StoreFailed(error));
+            self.drive.visit(|group, member| {
+                talk.undo_store(group, member, &before, out);
+                self.drive.record_not_stored(group, conn, out);
+            });
         }
-        encode_reply(out, &reply);
+        heard
+    }
+
+    /// Sees to what has happened in the drive without a client, such as a `STORE` by a scenario.
+    pub(crate) async fn look_after(&self) {
+        let stored = self.drive.visit(|group, member| {
+            self.drive.look_at_line(group, member);
+            self.has_stored(group, member)
+        });
+        if stored && let Err(error) = self.store().await {
+            self.drive.tell(What::StoreFailed(error));
+        }
+    }
+
+    /// Whether there was a `STORE` since this was last asked.
+    fn has_stored(&self, group: &mut Group, member: usize) -> bool {
+        let generation = smd3(group, member).map_or(0, |machine| machine.drive().memory_generation());
+        self.stored.swap(generation, Ordering::Relaxed) != generation
     }
 
     async fn store(&self) -> Result<(), StoreError> {
-        let station = Arc::clone(&self.station);
+        let drive = Arc::clone(&self.drive);
         let latest = move || {
-            station.visit(|machine, _| match machine.drive().stored() {
+            drive.visit(|group, member| match smd3(group, member)?.drive().stored() {
                 Stored::Intact(settings) => Some(settings.encode().to_vec()),
                 Stored::Nothing | Stored::Damaged => None,
             })
         };
         self.flash.save(latest).await.map_err(|error| self.flash.not_written(&error))
     }
+}
 
-    /// Wakes the machine when it wants to be woken, for as long as it is served.
-    pub(crate) async fn keep_time(self: Arc<Self>) {
-        loop {
-            self.station.wake().await;
-        }
-    }
+fn smd3(group: &mut Group, member: usize) -> Option<&mut Machine<Smd3>> {
+    group.machine_mut(member)?.smd3_mut()
 }

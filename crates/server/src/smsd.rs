@@ -1,27 +1,29 @@
 //! An SMSD as it is served: its requests, its memory, its place in the network.
 
 use crate::What;
-use crate::clock::Clock;
-use crate::station::{Notify, Station};
-use crate::store::{Saver, Store, StoreError};
+use crate::drive::Drive;
+use crate::link::Outgoing;
+use crate::recording::RecordedDrive;
+use crate::store::Saver;
+use crate::talk::{Heard, ModbusTalk};
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
-use stepdrive_drive::smsd::{Event, Session, Smsd};
-use stepdrive_proto::modbus::{Adu, Frame, decode_request, encode_refusal, encode_reply};
-use stepdrive_rig::file::{DriveSection, SmsdSection};
+use std::sync::atomic::{AtomicU64, Ordering};
+use stepdrive_drive::smsd::{Event, Smsd};
+use stepdrive_proto::modbus::Frame;
+use stepdrive_rig::file::SmsdSection;
+use stepdrive_rig::group::Group;
 use stepdrive_rig::machine::Machine;
 use stepdrive_spec::modbus::Exception;
 
 /// An SMSD and where its memory is kept.
 pub(crate) struct SmsdStation {
-    station: Station<Smsd>,
+    drive: Drive,
+    model: &'static str,
     /// The address that the rig gives, with the real port once it is known. LAN parameters may name another port.
     rig_address: SocketAddr,
     /// Rung when LAN parameters have been applied and the reply has been sent.
     reconfigured: tokio::sync::Notify,
-    /// The unit identifier in effect, so that frames for others need no lock.
-    unit: AtomicU8,
     /// The generation of the machine's memory that is safely stored.
     stored: AtomicU64,
     saver: Saver,
@@ -37,39 +39,40 @@ pub(crate) struct Duties {
 }
 
 impl SmsdStation {
-    /// Switches on the machine of a drive with what the store remembers of it.
-    pub(crate) fn power_up(
-        drive: &DriveSection,
-        section: &SmsdSection,
-        clock: Clock,
-        store: &mut Store,
-        notify: Notify,
-    ) -> Result<SmsdStation, StoreError> {
-        let saver = store.saver(&drive.name, section.model);
-        let machine = section.power_up(drive, store.load(&drive.name, section.model)?);
-        Ok(SmsdStation {
+    /// An SMSD that has just been switched on.
+    pub(crate) fn new(drive: Drive, section: &SmsdSection, saver: Saver) -> SmsdStation {
+        let mut station = SmsdStation {
+            drive,
+            model: section.model.name(),
             rig_address: section.modbus_tcp,
-            unit: AtomicU8::new(machine.drive().unit()),
-            stored: AtomicU64::new(machine.drive().memory_generation()),
-            station: Station::new(drive.name.clone(), clock, notify, machine),
             reconfigured: tokio::sync::Notify::new(),
+            stored: AtomicU64::new(0),
             saver,
-        })
+        };
+        station.stored =
+            AtomicU64::new(station.look(|machine| machine.drive().memory_generation()).unwrap_or(0));
+        station
     }
 
-    /// The drive's name in the rig.
-    pub(crate) fn name(&self) -> &str {
-        self.station.name()
+    /// The drive.
+    pub(crate) fn drive(&self) -> &Drive {
+        &self.drive
     }
 
-    /// Tells the person at the server.
-    pub(crate) fn tell(&self, what: What) {
-        self.station.tell(what);
+    /// The model's name.
+    pub(crate) fn model(&self) -> &'static str {
+        self.model
+    }
+
+    /// What a recording says of it that begins now.
+    pub(crate) fn recorded(&self) -> RecordedDrive {
+        let recorded = self.look(|machine| RecordedDrive::smsd(self.drive.name(), machine.drive().memory()));
+        RecordedDrive { port: Some(self.rig_address.port()), ..recorded.unwrap_or_default() }
     }
 
     /// The unit identifier in effect.
     pub(crate) fn unit(&self) -> u8 {
-        self.unit.load(Ordering::Relaxed)
+        self.look(|machine| machine.drive().unit()).unwrap_or(0)
     }
 
     /// Where the drive wants to be reached: at the rig's address, on the port of its LAN parameters if they name one.
@@ -79,54 +82,59 @@ impl SmsdStation {
 
     /// The port that the LAN parameters name; `None` while the rig's counts.
     pub(crate) fn lan_port(&self) -> Option<u16> {
-        self.station.visit(|machine, _| machine.drive().memory().lan.port)
+        self.look(|machine| machine.drive().memory().lan.port).flatten()
     }
 
     /// Tells the drive which port it has got from a rig that left it open.
     pub(crate) fn set_rig_port(&mut self, port: u16) {
         self.rig_address.set_port(port);
-        self.station.visit(|machine, _| machine.drive_mut().set_port(port));
+        self.look(|machine| machine.drive_mut().set_port(port));
     }
 
-    /// Answers a frame into `out`. `None` when it is meant for another unit and gets no answer.
-    pub(crate) fn answer(&self, session: &mut Session, frame: &Frame<'_>, out: &mut Adu) -> Option<Duties> {
-        let Frame { transaction, unit, pdu } = *frame;
-        if unit != 0 && unit != 255 && unit != self.unit() {
-            return None;
-        }
-        // By reference, since a request or a reply has room for the most that Modbus allows, and moving it copies all.
-        match &decode_request(pdu) {
-            Ok(request) => Some(self.station.visit(|machine, now| {
-                encode_reply(out, transaction, unit, request, &machine.handle(now, session, request));
-                self.duties(machine)
-            })),
-            Err(refusal) => {
-                encode_refusal(out, transaction, unit, *refusal);
-                Some(Duties::default())
-            }
-        }
+    /// Answers a frame into `out`.
+    pub(crate) fn hear(
+        &self,
+        conn: u64,
+        talk: &mut ModbusTalk,
+        frame: &[u8],
+        parsed: &Frame<'_>,
+        out: &mut Outgoing,
+    ) -> (Heard, Duties) {
+        self.drive.visit(|group, member| {
+            let heard = talk.hear(group, member, parsed, out);
+            self.drive.record(group, conn, frame, out, heard);
+            (heard, self.settle(group, member))
+        })
+    }
+
+    /// Refuses the last frame with exception 04: [`SmsdStation::store`] has failed.
+    pub(crate) fn refuse(&self, conn: u64, talk: &mut ModbusTalk, frame: &Frame<'_>, out: &mut Outgoing) {
+        self.drive.visit(|group, _| {
+            talk.not_stored(frame, out);
+            self.drive.record_not_stored(group, conn, out);
+        });
     }
 
     /// Drains what the drive tells, and says what is left to do.
-    fn duties(&self, machine: &mut Machine<Smsd>) -> Duties {
+    fn settle(&self, group: &mut Group, member: usize) -> Duties {
+        self.drive.look_at_line(group, member);
         let mut duties = Duties::default();
-        while let Some(event) = machine.drive_mut().poll_event() {
-            match event {
-                Event::NetworkConfigured => {
-                    self.unit.store(machine.drive().unit(), Ordering::Relaxed);
-                    duties.reconfigure = true;
+        let duties_of = |machine: &mut Machine<Smsd>| {
+            while let Some(event) = machine.drive_mut().poll_event() {
+                match event {
+                    Event::NetworkConfigured => duties.reconfigure = true,
+                    Event::Refused(refusal) => self.drive.tell(What::Refused(refusal)),
                 }
-                Event::Refused(refusal) => self.tell(What::Refused(refusal)),
             }
-        }
-        let generation = machine.drive().memory_generation();
-        duties.store = generation > self.stored.load(Ordering::Acquire);
+            duties.store = machine.drive().memory_generation() > self.stored.load(Ordering::Acquire);
+        };
+        smsd(group, member).map(duties_of);
         duties
     }
 
     /// Makes sure that the memory as it is now is stored: what a client sees has survived power-off already.
     pub(crate) async fn store(&self) -> Result<(), Exception> {
-        let (generation, saved) = self.station.visit(|machine, _| {
+        let saved = self.look(|machine| {
             let mut records = Vec::new();
             while let Some(record) = machine.drive_mut().take_unsaved() {
                 records.push((record, machine.drive().memory().encode(record).to_vec()));
@@ -134,13 +142,14 @@ impl SmsdStation {
             // Handed in while the machine is locked, so that an older state never follows a newer one.
             (machine.drive().memory_generation(), self.saver.save(records))
         });
+        let Some((generation, saved)) = saved else { return Ok(()) };
         match saved.await {
             Ok(()) => {
                 self.stored.fetch_max(generation, Ordering::Release);
                 Ok(())
             }
             Err(error) => {
-                self.tell(What::NotStored(error));
+                self.drive.tell(What::NotStored(error));
                 Err(Exception::ServerDeviceFailure)
             }
         }
@@ -156,14 +165,23 @@ impl SmsdStation {
         self.reconfigured.notified().await;
     }
 
-    /// Wakes the machine when it wants to be woken, for as long as it is served.
-    pub(crate) async fn keep_time(self: Arc<Self>) {
-        loop {
-            self.station.wake().await;
-            if self.station.visit(|machine, _| self.duties(machine)).store {
-                // A failure has been told; the next client to be answered is refused for it, and it is tried again.
-                let _ = self.store().await;
-            }
+    /// Sees to what has happened in the drive without a client.
+    pub(crate) async fn look_after(self: &Arc<Self>) {
+        let duties = self.drive.visit(|group, member| self.settle(group, member));
+        if duties.store {
+            // A failure has been told; the next client to be answered is refused for it, and it is tried again.
+            let _ = self.store().await;
+        }
+        if duties.reconfigure {
+            self.reconfigure();
         }
     }
+
+    fn look<R>(&self, act: impl FnOnce(&mut Machine<Smsd>) -> R) -> Option<R> {
+        self.drive.visit(|group, member| smsd(group, member).map(act))
+    }
+}
+
+fn smsd(group: &mut Group, member: usize) -> Option<&mut Machine<Smsd>> {
+    group.machine_mut(member)?.smsd_mut()
 }

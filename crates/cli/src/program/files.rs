@@ -1,11 +1,11 @@
-//! Programs as files: read, assembled and checked; written whole or not at all.
+//! Programs as files: read, assembled and checked.
 
 use super::{count, empty_source, errors_in, show_findings, shown, sizes};
 use crate::Failure;
 use serde::Serialize;
 use std::fs;
 use std::io::{self, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use stepdrive_asm::check::CheckOptions;
 use stepdrive_asm::report::Report;
 use stepdrive_asm::{Diagnostic, Image, ImageError, Origin, Severity, SourceFile, assemble, report};
@@ -130,24 +130,4 @@ fn text(name: &str, bytes: Vec<u8>) -> Result<SourceFile, Failure> {
 
 fn not_an_image(name: &str, error: ImageError) -> Failure {
     Failure::Program(format!("{name}: {error}"))
-}
-
-/// Writes a file whole or not at all: what was there stays until the new one is complete.
-pub(super) fn replace(file: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    // A link stays a link; what it points at is replaced.
-    let target = file.canonicalize().unwrap_or_else(|_| file.to_owned());
-    let mut beside = target.clone().into_os_string();
-    beside.push(".new");
-    let beside = PathBuf::from(beside);
-    let written = fs::write(&beside, bytes).and_then(|()| {
-        if let Ok(there) = fs::metadata(&target) {
-            fs::set_permissions(&beside, there.permissions())?;
-        }
-        fs::rename(&beside, &target)
-    });
-    written.map_err(|error| {
-        // It is of no use to anybody; where it cannot be removed, it is at least not in the way.
-        let _ = fs::remove_file(&beside);
-        Failure::Failed(format!("cannot write {}: {error}", file.display()))
-    })
 }

@@ -5,10 +5,11 @@ mod run;
 mod signals;
 mod timeline;
 
-use crate::{Failure, print};
+use crate::terminal::{no_color, print, print_json, tell};
+use crate::{Failure, disk};
 use clap::Subcommand;
 use files::Program;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use stepdrive_asm::{Diagnostic, Origin, Severity, SourceFile, Style, disassemble, report};
 use stepdrive_spec::smsd::instructions::PROGRAM_AREAS;
@@ -128,7 +129,7 @@ fn build(args: &BuildArgs) -> Result<(), Failure> {
     }
     let image = program.image()?;
     if let Some(output) = &args.output {
-        files::replace(output, &image.to_bytes())?;
+        disk::replace(output, &image.to_bytes())?;
         tell(&format!("{}: {} to {}", program.name, program.sizes(), output.display()));
     }
     if args.hex {
@@ -160,7 +161,7 @@ fn fmt(args: &FmtArgs) -> Result<(), Failure> {
     if files::is_stdin(&args.file) {
         return print(&formatted);
     }
-    if formatted == source.text() { Ok(()) } else { files::replace(&args.file, formatted.as_bytes()) }
+    if formatted == source.text() { Ok(()) } else { disk::replace(&args.file, formatted.as_bytes()) }
 }
 
 /// Shows what was found in a program, on stderr.
@@ -175,25 +176,6 @@ fn show_findings(findings: &[Diagnostic], origin: Origin<'_>) {
     // Colour only where a person looks, and has not asked for none.
     let style = if io::stderr().is_terminal() && !no_color() { Style::Colour } else { Style::Plain };
     tell(stepdrive_asm::render(findings, origin, style).trim_end());
-}
-
-/// Whether the person wants no colour (no-color.org).
-#[allow(clippy::disallowed_methods, reason = "NO_COLOR is a variable of the environment and nothing else")]
-fn no_color() -> bool {
-    std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty())
-}
-
-/// Talks to the person at the terminal.
-fn tell(text: &str) {
-    if !text.is_empty() {
-        // Without a stderr there is nobody to tell.
-        let _ = writeln!(io::stderr(), "{text}");
-    }
-}
-
-fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string(value).map_err(|error| Failure::Failed(error.to_string()))?;
-    print(&(text + "\n"))
 }
 
 fn count(findings: &[Diagnostic], severity: Severity) -> usize {

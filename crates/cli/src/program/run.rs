@@ -1,9 +1,10 @@
 //! `stepdrive program run`.
 
 use super::files::Program;
+use super::show;
 use super::signals::{Signals, signals, time};
 use super::timeline::Timeline;
-use super::{show, tell};
+use crate::terminal::{cannot_write, tell};
 use crate::{Failure, rigs};
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
@@ -55,7 +56,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<(), Failure> {
         Ok(_) => Ok(()),
         // Whoever read it has seen enough, as in `| head`.
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        Err(error) => Err(Failure::Failed(format!("cannot write to stdout: {error}"))),
+        Err(error) => Err(cannot_write(&error)),
     }
 }
 

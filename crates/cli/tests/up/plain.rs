@@ -37,8 +37,9 @@ fn the_example_rig_is_commented_and_comes_up() {
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
     let example = text(&output.stdout);
     assert!(example.starts_with("# ") && example.contains("\"127.0.0.1:5020\"  "), "{example}");
-    // On a free port, since the one in the example may be taken where this runs.
-    fs::write(place.path("rig.toml"), example.replace(":5020", ":0")).expect("written");
+    // On free ports, since those in the example may be taken where this runs.
+    fs::write(place.path("rig.toml"), example.replace(":5020", ":0").replace(":8087", ":0"))
+        .expect("written");
     let output = place.up().end("TERM");
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
 }

@@ -1,13 +1,17 @@
-//! What a person got wrong in a rig file, with its place.
+//! What a person got wrong in a rig file, or in another TOML file, with its place.
 
+use super::written::reworded;
 use alloc::format;
 use alloc::string::{String, ToString};
 use core::fmt;
 use core::ops::Range;
 
 /// A mistake in a rig file.
+pub type RigFileError = Mistake;
+
+/// A mistake in a TOML file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RigFileError {
+pub struct Mistake {
     /// What is wrong, and what would be right.
     pub message: String,
     /// Line, from 1; `None` when it is the file as a whole.
@@ -18,8 +22,9 @@ pub struct RigFileError {
     excerpt: Option<(String, usize)>,
 }
 
-impl RigFileError {
-    pub(super) fn new(text: &str, span: Option<Range<usize>>, message: String) -> RigFileError {
+impl Mistake {
+    /// A mistake in a file's text: what `span` says of it, in bytes, is meant; `None` is the file as a whole.
+    pub fn new(text: &str, span: Option<Range<usize>>, message: String) -> Mistake {
         let place = span.and_then(|span| {
             let before = text.get(..span.start)?;
             let line_start = before.rfind('\n').map_or(0, |at| at + 1);
@@ -33,14 +38,16 @@ impl RigFileError {
             Some((before.matches('\n').count() + 1, column, line, meant))
         });
         match place {
-            None => RigFileError { message, line: None, column: None, excerpt: None },
-            Some((line, column, source, meant)) => RigFileError {
-                message,
-                line: Some(line),
-                column: Some(column),
-                excerpt: Some((source, meant)),
-            },
+            None => Mistake { message, line: None, column: None, excerpt: None },
+            Some((line, column, source, meant)) => {
+                Mistake { message, line: Some(line), column: Some(column), excerpt: Some((source, meant)) }
+            }
         }
+    }
+
+    /// What the library that reads TOML found wrong in a file's text, in plain words.
+    pub fn of_toml(text: &str, error: &toml::de::Error) -> Mistake {
+        Mistake::new(text, error.span(), reworded(error.message()))
     }
 
     /// The mistake as a person reads it: `FILE:LINE:COLUMN: message`, then the line with what is meant underlined.
@@ -58,10 +65,10 @@ impl RigFileError {
     }
 }
 
-impl fmt::Display for RigFileError {
+impl fmt::Display for Mistake {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.message)
     }
 }
 
-impl core::error::Error for RigFileError {}
+impl core::error::Error for Mistake {}

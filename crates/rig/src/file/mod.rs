@@ -10,7 +10,7 @@ mod wires;
 mod written;
 
 pub use clock::{ClockMode, ClockModeError};
-pub use mistake::RigFileError;
+pub use mistake::{Mistake, RigFileError};
 
 use crate::machine::Machine;
 use crate::mechanics::{Mechanics, Switch, Travel};

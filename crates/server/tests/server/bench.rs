@@ -66,7 +66,7 @@ impl Bench {
         let told = Arc::clone(&notices);
         let notify =
             move |notice: stepdrive_server::Notice| told.lock().expect("whole").push(notice.to_string());
-        let options = Options { state: folder.path().into(), notify: Box::new(notify) };
+        let options = Options { state: folder.path().into(), recording: None, notify: Arc::new(notify) };
         Ok(Bench { server: Server::start(&rig, options).await?, rig, folder, notices })
     }
 
@@ -80,7 +80,7 @@ impl Bench {
     pub(crate) async fn restart(self) -> Bench {
         let Bench { server, rig, folder, notices } = self;
         server.stop().await;
-        let options = Options { state: folder.path().into(), notify: Box::new(|_| {}) };
+        let options = Options { state: folder.path().into(), recording: None, notify: Arc::new(|_| {}) };
         let server = Server::start(&rig, options).await.expect("the rig starts again");
         Bench { server, rig, folder, notices }
     }

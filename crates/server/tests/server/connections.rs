@@ -24,7 +24,7 @@ async fn a_ninth_client_is_turned_away_and_the_eight_go_on() {
     let bench = Bench::start().await;
     let mut clients = eight(&bench).await;
     let mut ninth = bench.stranger().await;
-    assert_eq!(ninth.closed().await, []);
+    assert_eq!(ninth.closed().await, [0; 0]);
     for client in &mut clients {
         client.ask(&who_are_you()).await.expect("answered");
     }
@@ -58,7 +58,7 @@ async fn a_flood_of_connections_is_told_of_once_and_leaves_the_eight_alone() {
         client.ask(&who_are_you()).await.expect("answered");
     }
     for client in &mut flood {
-        assert_eq!(client.closed().await, []);
+        assert_eq!(client.closed().await, [0; 0]);
     }
     assert_eq!(bench.notices("turned away").len(), 1);
     clients.pop();

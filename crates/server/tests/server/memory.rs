@@ -3,6 +3,7 @@
 use crate::bench::{Bench, ONE, PASSWORD, TWO};
 use std::net::TcpListener;
 use std::path::Path;
+use std::sync::Arc;
 use stepdrive_rig::file::RigFile;
 use stepdrive_server::store::{Store, StoreError};
 use stepdrive_server::{Options, Server, StartError};
@@ -55,7 +56,7 @@ async fn an_erased_program_stays_erased() {
     client.store_program(2, &program(5)).await;
     client.procedure([2, 0, 1, 0, 2]).await;
     let bench = bench.restart().await;
-    assert_eq!(bench.client().await.read_program(2).await, []);
+    assert_eq!(bench.client().await.read_program(2).await, [0; 0]);
 }
 
 #[tokio::test]
@@ -69,7 +70,7 @@ async fn two_drives_of_a_rig_remember_apart() {
     let (mut left, mut right) = (bench.client_of(0).await, bench.client_of(1).await);
     assert_eq!(left.get(Reg::WorkCurrent).await, Ok(42));
     assert_eq!(right.get(Reg::WorkCurrent).await, Ok(80));
-    assert_eq!(left.read_program(0).await, []);
+    assert_eq!(left.read_program(0).await, [0; 0]);
     assert_eq!(right.read_program(0).await, program(3));
 }
 
@@ -121,7 +122,7 @@ async fn what_was_acknowledged_is_in_the_file_though_the_server_is_just_dropped(
 /// Starts a server on a folder, which must fail.
 async fn refused(folder: &Path, rig: &str) -> StartError {
     let rig = RigFile::parse(rig).expect("a rig");
-    let options = Options { state: folder.into(), notify: Box::new(|_| {}) };
+    let options = Options { state: folder.into(), recording: None, notify: Arc::new(|_| {}) };
     Server::start(&rig, options).await.map(drop).expect_err("cannot start")
 }
 

@@ -1,0 +1,132 @@
+//! A drive as it is served: its place in the rig, and who is told about it.
+
+use crate::link::Outgoing;
+use crate::recording::{Entry, Happened, hex};
+use crate::talk::Heard;
+use crate::world::World;
+use crate::{Notice, What};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use stepdrive_rig::group::Group;
+use stepdrive_rig::line::Connection;
+use tokio::sync::watch;
+use tokio::time::Instant;
+
+/// How long a notice that repeats is not told again.
+const NOTICE_REST: Duration = Duration::from_secs(10);
+
+/// How many kinds of notices repeat: see [`Drive::tell`].
+const REPEATING: usize = 3;
+
+/// Who is told what happens.
+pub type Notify = Arc<dyn Fn(Notice) + Send + Sync>;
+
+/// A drive of a rig.
+pub(crate) struct Drive {
+    world: Arc<World>,
+    /// Its number in the rig file.
+    number: usize,
+    name: String,
+    notify: Notify,
+    /// Whether nobody can be connected: it is switched off, or its line is cut.
+    down: watch::Sender<bool>,
+    /// When each notice that repeats was last told.
+    told: Mutex<[Option<Instant>; REPEATING]>,
+}
+
+impl Drive {
+    /// The drive with this number.
+    pub(crate) fn new(world: Arc<World>, number: usize, notify: Notify) -> Drive {
+        let name = world.rig().drives.get(number).map(|drive| drive.name.clone()).unwrap_or_default();
+        Drive { world, number, name, notify, down: watch::Sender::new(false), told: Mutex::default() }
+    }
+
+    /// Its name in the rig.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The rig.
+    pub(crate) fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// Does something with its group, alone and at the present time; see [`World::visit`].
+    pub(crate) fn visit<R>(&self, act: impl FnOnce(&mut Group, usize) -> R) -> R {
+        self.world.visit(self.number, act)
+    }
+
+    /// A client has connected: the number of its connection.
+    pub(crate) fn open(&self) -> u64 {
+        let conn = self.world.new_connection();
+        if self.world.recorder().is_some() {
+            let open = Happened::Open { conn, drive: self.number };
+            self.visit(|group, _| self.world.write(|| Entry::new(group.now(), open)));
+        }
+        conn
+    }
+
+    /// A client has left.
+    pub(crate) fn shut(&self, conn: u64) {
+        if self.world.recorder().is_some() {
+            self.visit(|group, _| self.world.write(|| Entry::new(group.now(), Happened::Shut { conn })));
+        }
+    }
+
+    /// Adds a request and what leaves for it to the recording, if one is made.
+    pub(crate) fn record(&self, group: &Group, conn: u64, rx: &[u8], out: &Outgoing, heard: Heard) {
+        self.world.write(|| {
+            let (rx, tx, cut) = (hex(rx), hex(out.bytes()), heard == Heard::Cut);
+            Entry::new(group.now(), Happened::Heard { conn, rx, tx, cut })
+        });
+    }
+
+    /// Adds to the recording, if one is made, that what the last request of a connection changed could not be stored, and
+    /// what leaves instead of its reply.
+    pub(crate) fn record_not_stored(&self, group: &Group, conn: u64, out: &Outgoing) {
+        self.world.write(|| Entry::new(group.now(), Happened::NotStored { conn, tx: hex(out.bytes()) }));
+    }
+
+    /// Sees whether it has gone down, or is up again.
+    pub(crate) fn look_at_line(&self, group: &Group, member: usize) {
+        let Some(member) = group.members().get(member) else { return };
+        let down = !member.machine().powered() || member.line().connection == Connection::Cut;
+        self.down.send_if_modified(|before| std::mem::replace(before, down) != down);
+    }
+
+    /// Whether nobody can be connected now.
+    pub(crate) fn is_down(&self) -> bool {
+        self.visit(|group, member| self.look_at_line(group, member));
+        *self.down.borrow()
+    }
+
+    /// Tells whenever it goes down or is up again; see [`Drive::is_down`].
+    pub(crate) fn watch(&self) -> watch::Receiver<bool> {
+        self.down.subscribe()
+    }
+
+    /// Tells the person at the server. What comes as often as clients do is told once in a [`NOTICE_REST`].
+    pub(crate) fn tell(&self, what: What) {
+        let repeating = match &what {
+            What::Full(_) => Some(0),
+            What::CannotAccept(_) => Some(1),
+            What::NotStored(_) | What::StoreFailed(_) => Some(2),
+            What::Refused(_)
+            | What::Moved(_)
+            | What::CannotMove { .. }
+            | What::DamagedConfiguration { .. }
+            | What::SerialFailed(_)
+            | What::RecordingFailed(_) => None,
+        };
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(last) = repeating.and_then(|kind| told.get_mut(kind)) {
+            let now = Instant::now();
+            if last.is_some_and(|last| now.duration_since(last) < NOTICE_REST) {
+                return;
+            }
+            *last = Some(now);
+        }
+        drop(told);
+        (self.notify)(Notice { drive: self.name.clone(), what });
+    }
+}
