@@ -4,24 +4,21 @@
 //! Prints a table; the figures in `docs/performance.md` are from it.
 
 use std::time::{Duration, Instant};
+use stepdrive_bench::programs::{SHUTTLE, words};
 use stepdrive_rig::file::{DEMO, RigFile};
-use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
 
 /// Odd, so that there is a median.
 const ROUNDS: usize = 9;
 
+const TIGHT: &str = "
+again:
+SET_RELE
+CLR_RELE
+GOTO_PROGRAM again
+";
+
 fn main() {
-    let go_to = |position| Instruction::with_position(Opcode::GoTo, position).word();
-    let word = |opcode, data| Instruction { opcode, data }.word();
-    // Far end, half a second, back, half a second, for ever.
-    let shuttle = [
-        go_to(16_000),
-        word(Opcode::SetWait, 500),
-        go_to(0),
-        word(Opcode::SetWait, 500),
-        word(Opcode::GotoProgram, 0),
-    ];
-    let tight = [word(Opcode::SetRele, 0), word(Opcode::ClrRele, 0), word(Opcode::GotoProgram, 0)];
+    let (shuttle, tight) = (words(SHUTTLE), words(TIGHT));
 
     // Long enough that the round is no matter of the timer, short enough for nine of them.
     let hour = Duration::from_hours(1);

@@ -10,6 +10,7 @@ use std::net::TcpStream;
 use std::os::fd::OwnedFd;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
 use std::time::Duration;
 use stepdrive_bench::{median, process};
 use stepdrive_rig::file::RigFile;
@@ -185,7 +186,8 @@ fn announce(place: &str) -> io::Result<()> {
 async fn stepdrive(transport: &str, folder: &Path) -> io::Result<Server> {
     let port = if transport == "tcp" { "serial_tcp = \"127.0.0.1:0\"" } else { "serial = \"pty\"" };
     let rig = RigFile::parse(&format!("[[drive]]\nname = \"uhv\"\nmodel = \"SMD3\"\n{port}\n"));
-    let options = Options { state: folder.into(), notify: Box::new(|notice| eprintln!("{notice}")) };
+    let options =
+        Options { state: folder.into(), recording: None, notify: Arc::new(|notice| eprintln!("{notice}")) };
     let server = Server::start(&rig.map_err(io::Error::other)?, options).await.map_err(io::Error::other)?;
     let [drive] = server.drives() else { return Err(io::Error::other("one drive")) };
     let tcp = drive.serial_tcp.map(|address| address.to_string());

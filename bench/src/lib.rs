@@ -1,10 +1,13 @@
 //! Benchmarks of the whole stack, and what they share. `docs/performance.md` says how to run them and what they gave.
 //!
-//! * [`requests`]: requests as bytes.
+//! * [`requests`]: requests as bytes; [`programs`]: user programs.
 //! * [`servers`]: servers in processes of their own, so that what they use can be told from what the load uses.
-//! * [`process`]: what a process has used, as Linux tells.
+//! * [`load`]: requests to servers, in rounds that alternate between them.
+//! * [`process`]: what a process has used, as Linux tells, and what it may.
 
+pub mod load;
 pub mod process;
+pub mod programs;
 pub mod requests;
 pub mod servers;
 

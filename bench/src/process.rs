@@ -1,5 +1,6 @@
-//! What a process has used, read from `/proc`: these benchmarks run on Linux.
+//! What a process has used, read from `/proc`, and what it may use: these benchmarks run on Linux.
 
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::fs;
 use std::io;
 use std::time::Duration;
@@ -27,6 +28,17 @@ pub fn resident(pid: u32) -> io::Result<u64> {
     let status = fs::read_to_string(format!("/proc/{pid}/status"))?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     Ok(number(line.and_then(|line| line.split_whitespace().next()))? * 1024)
+}
+
+/// Lets this process, and those that it starts, have as many open files as the system allows it at most. Gives their
+/// number.
+///
+/// # Errors
+/// When the system refuses.
+pub fn allow_many_files() -> io::Result<usize> {
+    let maximum = getrlimit(Resource::Nofile).maximum;
+    setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum })?;
+    Ok(maximum.and_then(|maximum| usize::try_from(maximum).ok()).unwrap_or(usize::MAX))
 }
 
 fn number(text: Option<&str>) -> io::Result<u64> {

@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 use std::io::{self, BufRead, BufReader, Read, Write as _};
 use std::net::SocketAddr;
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
 use std::time::Duration;
 use stepdrive_rig::file::RigFile;
 use stepdrive_server::{Options, Server};
@@ -52,8 +53,8 @@ impl ServerProcess {
     /// When that fails.
     pub fn start(kind: Kind, listeners: usize, workers: usize) -> io::Result<ServerProcess> {
         // A thousand listeners are more files than most systems allow a process at first.
-        let mut command = Command::new("sh");
-        command.args(["-c", "ulimit -Sn 8192; exec \"$0\" \"$@\""]).arg(std::env::current_exe()?);
+        process::allow_many_files()?;
+        let mut command = Command::new(std::env::current_exe()?);
         command.args([SERVE, kind.name(), &listeners.to_string(), &workers.to_string()]);
         ServerProcess::spawn(command)
     }
@@ -136,18 +137,23 @@ fn announce_and_wait(addresses: &[SocketAddr]) -> io::Result<()> {
     Ok(())
 }
 
+/// How many drives share an address of the loopback network: finding a free port takes the kernel long when thousands are
+/// taken.
+const PER_ADDRESS: usize = 1000;
+
 /// Drives without mechanics, each on a free port.
 fn stepdrive(runtime: &Runtime, drives: usize, state: &std::path::Path) -> io::Result<Server> {
     let mut text = String::new();
     for number in 0..drives {
+        let host = 1 + number / PER_ADDRESS;
         let _ = write!(
             text,
-            "[[drive]]\nname = \"drive{number}\"\nmodel = \"SMSD-4.2LAN\"\nmodbus_tcp = \"127.0.0.1:0\"\n"
+            "[[drive]]\nname = \"drive{number}\"\nmodel = \"SMSD-4.2LAN\"\nmodbus_tcp = \"127.0.0.{host}:0\"\n"
         );
     }
     let rig = RigFile::parse(&text).map_err(io::Error::other)?;
-    let notify = Box::new(|notice| eprintln!("{notice}"));
-    let options = Options { state: state.into(), notify };
+    let notify = Arc::new(|notice| eprintln!("{notice}"));
+    let options = Options { state: state.into(), recording: None, notify };
     runtime.block_on(Server::start(&rig, options)).map_err(io::Error::other)
 }
 

@@ -3,10 +3,12 @@
 //! cargo-fuzz calls them with bytes it makes up (`fuzz_targets/`), and `tests/replay.rs` with those kept in `corpus/`.
 
 mod program;
+mod recording;
 mod smd3;
 mod smsd;
 
 pub use program::program_text;
+pub use recording::recording;
 pub use smd3::smd3_lines;
 pub use smsd::smsd_drive;
 
@@ -26,6 +28,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("modbus_client_bytes", modbus_client_bytes),
     ("modbus_server_bytes", modbus_server_bytes),
     ("program_text", program_text),
+    ("recording", recording),
     ("smd3_lines", smd3_lines),
     ("smsd_drive", smsd_drive),
 ];
