@@ -53,6 +53,10 @@ class Rig:
             self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr)
         ready = json.loads(self._first_line())
         assert ready["event"] == "ready"
+        self._announced(ready)
+
+    def _announced(self, ready):
+        """Remembers what the ready line says."""
         (drive,) = ready["drives"]
         self._take(drive)
 
