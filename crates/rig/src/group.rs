@@ -4,7 +4,7 @@ use crate::action::{Action, Change};
 use crate::any::AnyMachine;
 use crate::fault::Faults;
 use crate::file::WireSection;
-use crate::line::LineFaults;
+use crate::line::{Connection, LineFaults};
 use crate::names::{AnyQuantity, AnySignal};
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -18,6 +18,7 @@ pub struct Member {
     drive: usize,
     machine: AnyMachine,
     faults: Faults,
+    outages: u32,
 }
 
 impl Member {
@@ -29,6 +30,16 @@ impl Member {
     /// Its machine.
     pub fn machine(&self) -> &AnyMachine {
         &self.machine
+    }
+
+    /// Whether clients can be connected to it: it has its supply, and its line is not cut.
+    pub fn reachable(&self) -> bool {
+        self.machine.powered() && self.faults.line().connection != Connection::Cut
+    }
+
+    /// How many times it has become unreachable. Who was connected when the number was another one is not any more.
+    pub fn outages(&self) -> u32 {
+        self.outages
     }
 
     /// What is wrong on its line.
@@ -184,6 +195,7 @@ impl Group {
     fn change_member(&mut self, place: usize, change: &Change) {
         let now = self.now;
         let Some(member) = self.members.get_mut(place) else { return };
+        let before = member.reachable();
         match change {
             Change::Input { input, to } => to.apply(now, &mut member.machine, *input),
             Change::Power(on) => member.machine.set_power(now, *on),
@@ -193,6 +205,9 @@ impl Group {
                 }
             }
             Change::Fault(fault) => member.faults.set(now, &mut member.machine, fault),
+        }
+        if before && !member.reachable() {
+            member.outages = member.outages.wrapping_add(1);
         }
     }
 
@@ -283,5 +298,5 @@ impl Group {
 fn member(drive: usize, mut machine: AnyMachine, seed: u64) -> Member {
     // Two drives of a rig bounce differently.
     machine.set_seed(seed.wrapping_add(drive as u64));
-    Member { drive, machine, faults: Faults::default() }
+    Member { drive, machine, faults: Faults::default(), outages: 0 }
 }

@@ -8,7 +8,6 @@ use crate::{Notice, What};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use stepdrive_rig::group::Group;
-use stepdrive_rig::line::Connection;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
@@ -28,17 +27,33 @@ pub(crate) struct Drive {
     number: usize,
     name: String,
     notify: Notify,
-    /// Whether nobody can be connected: it is switched off, or its line is cut.
-    down: watch::Sender<bool>,
+    /// Whether clients can be connected to it, and how often that has ended.
+    line: watch::Sender<Reach>,
     /// When each notice that repeats was last told.
     told: Mutex<[Option<Instant>; REPEATING]>,
+}
+
+/// Whether clients can be connected to a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Reach {
+    /// Whether they can now.
+    reachable: bool,
+    /// How often it has ended; see [`stepdrive_rig::group::Member::outages`].
+    pub(crate) outages: u32,
 }
 
 impl Drive {
     /// The drive with this number.
     pub(crate) fn new(world: Arc<World>, number: usize, notify: Notify) -> Drive {
         let name = world.rig().drives.get(number).map(|drive| drive.name.clone()).unwrap_or_default();
-        Drive { world, number, name, notify, down: watch::Sender::new(false), told: Mutex::default() }
+        Drive {
+            world,
+            number,
+            name,
+            notify,
+            line: watch::Sender::new(Reach { reachable: true, outages: 0 }),
+            told: Mutex::default(),
+        }
     }
 
     /// Its name in the rig.
@@ -87,22 +102,22 @@ impl Drive {
         self.world.write(|| Entry::new(group.now(), Happened::NotStored { conn, tx: hex(out.bytes()) }));
     }
 
-    /// Sees whether it has gone down, or is up again.
+    /// Sees whether clients can be connected.
     pub(crate) fn look_at_line(&self, group: &Group, member: usize) {
         let Some(member) = group.members().get(member) else { return };
-        let down = !member.machine().powered() || member.line().connection == Connection::Cut;
-        self.down.send_if_modified(|before| std::mem::replace(before, down) != down);
+        let reach = Reach { reachable: member.reachable(), outages: member.outages() };
+        self.line.send_if_modified(|before| std::mem::replace(before, reach) != reach);
     }
 
-    /// Whether nobody can be connected now.
-    pub(crate) fn is_down(&self) -> bool {
+    /// Whether clients can be connected now.
+    pub(crate) fn is_reachable(&self) -> bool {
         self.visit(|group, member| self.look_at_line(group, member));
-        *self.down.borrow()
+        self.line.borrow().reachable
     }
 
-    /// Tells whenever it goes down or is up again; see [`Drive::is_down`].
-    pub(crate) fn watch(&self) -> watch::Receiver<bool> {
-        self.down.subscribe()
+    /// Tells whenever clients cannot be connected any more, or can again.
+    pub(crate) fn watch(&self) -> watch::Receiver<Reach> {
+        self.line.subscribe()
     }
 
     /// Tells the person at the server. What comes as often as clients do is told once in a [`NOTICE_REST`].

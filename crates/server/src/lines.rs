@@ -177,6 +177,7 @@ impl LineListener {
     pub(crate) async fn serve(self, station: Arc<Smd3Station>) {
         let mut clients = JoinSet::new();
         let mut line = station.drive().watch();
+        let mut outages = line.borrow_and_update().outages;
         loop {
             tokio::select! {
                 accepted = self.socket.accept() => match accepted {
@@ -186,7 +187,8 @@ impl LineListener {
                         tokio::time::sleep(ACCEPT_REST).await;
                     }
                 },
-                _ = line.changed() => if *line.borrow_and_update() {
+                _ = line.changed() => if outages != line.borrow_and_update().outages {
+                    outages = line.borrow().outages;
                     clients.shutdown().await;
                 },
             }
@@ -196,7 +198,7 @@ impl LineListener {
 
 fn admit(mut stream: TcpStream, peer: SocketAddr, clients: &mut JoinSet<()>, station: &Arc<Smd3Station>) {
     while clients.try_join_next().is_some() {}
-    if station.drive().is_down() {
+    if !station.drive().is_reachable() {
         return;
     }
     if clients.len() >= MAX_CLIENTS {

@@ -56,6 +56,7 @@ impl Listener {
     pub(crate) async fn serve(mut self, station: Arc<SmsdStation>) {
         let mut connections = Connections::new(Arc::clone(&station));
         let mut line = station.drive().watch();
+        let mut outages = line.borrow_and_update().outages;
         loop {
             tokio::select! {
                 accepted = self.socket.accept() => match accepted {
@@ -65,7 +66,8 @@ impl Listener {
                         tokio::time::sleep(ACCEPT_REST).await;
                     }
                 },
-                _ = line.changed() => if *line.borrow_and_update() {
+                _ = line.changed() => if outages != line.borrow_and_update().outages {
+                    outages = line.borrow().outages;
                     connections.close_all().await;
                 },
                 () = station.reconfigured() => {
@@ -109,7 +111,7 @@ impl Connections {
     /// Serves a connection, or closes it when all sockets are taken.
     fn admit(&mut self, stream: TcpStream, peer: SocketAddr) {
         while self.tasks.try_join_next().is_some() {}
-        if self.station.drive().is_down() {
+        if !self.station.drive().is_reachable() {
             return;
         }
         if self.tasks.len() >= 2 * MAX_CONNECTIONS {

@@ -10,6 +10,7 @@ use stepdrive_drive::smsd::Session;
 use stepdrive_proto::modbus::{Adu, Frame, decode_request, encode_refusal, encode_reply};
 use stepdrive_proto::smd3::{Line, LineBuf, encode_reply as encode_line_reply};
 use stepdrive_rig::group::Group;
+use stepdrive_rig::line::LineFaults;
 use stepdrive_spec::modbus::Exception;
 use stepdrive_spec::smd3::commands::{Command, Reply, Request};
 use stepdrive_spec::smd3::errors::Error;
@@ -29,6 +30,9 @@ pub(crate) struct ModbusTalk {
     session: Session,
     link: Link,
     reply: Adu,
+    /// How many outages the drive had had when the first request came. Another one ends the connection, also when it is
+    /// over before anybody has seen to it.
+    outages: Option<u32>,
 }
 
 impl ModbusTalk {
@@ -38,6 +42,7 @@ impl ModbusTalk {
             session: Session::new(),
             link: Link::new(Protocol::Modbus, seed, connection),
             reply: Adu::new(),
+            outages: None,
         }
     }
 
@@ -49,11 +54,12 @@ impl ModbusTalk {
         frame: &Frame<'_>,
         out: &mut Outgoing,
     ) -> Heard {
-        let Some(faults) = group.members().get(member).map(|member| *member.line()) else {
-            return Heard::Taken;
-        };
-        let Frame { transaction, unit, pdu } = *frame;
         settle(group);
+        let Some((faults, outages)) = line_of(group, member) else { return Heard::Taken };
+        if *self.outages.get_or_insert(outages) != outages {
+            return Heard::Cut;
+        }
+        let Frame { transaction, unit, pdu } = *frame;
         match self.link.request(&faults) {
             Fate::Cut => return Heard::Cut,
             Fate::Swallow => return Heard::Taken,
@@ -110,6 +116,11 @@ impl ModbusTalk {
     }
 }
 
+/// What is wrong on a drive's line, and how many outages it has had.
+fn line_of(group: &Group, member: usize) -> Option<(LineFaults, u32)> {
+    group.members().get(member).map(|member| (*member.line(), member.outages()))
+}
+
 /// Whether a drive is on and answers to this unit identifier.
 fn is_meant(group: &Group, member: usize, unit: u8) -> bool {
     let machine = group.members().get(member).and_then(|member| member.machine().smsd());
@@ -131,7 +142,8 @@ impl LineTalk {
         LineTalk { link: Link::new(Protocol::Lines, seed, connection), reply: LineBuf::new() }
     }
 
-    /// Answers a line at the present time of the group, into `out`. What is due by then happens first. What the flash held before a `STORE` is returned.
+    /// Answers a line at the present time of the group, into `out`. What is due by then happens first. What the flash held
+    /// before a `STORE` is returned.
     pub(crate) fn hear(
         &mut self,
         group: &mut Group,
@@ -139,10 +151,8 @@ impl LineTalk {
         line: Line<'_>,
         out: &mut Outgoing,
     ) -> (Heard, Option<Stored>) {
-        let Some(faults) = group.members().get(member).map(|member| *member.line()) else {
-            return (Heard::Taken, None);
-        };
         settle(group);
+        let Some((faults, _)) = line_of(group, member) else { return (Heard::Taken, None) };
         match self.link.request(&faults) {
             Fate::Cut => return (Heard::Cut, None),
             // An SMD3 has no exceptions to refuse with.

@@ -135,3 +135,38 @@ async fn a_changed_password_leaves_sessions_authorised_and_holds_for_the_next() 
     assert!(bench.stranger().await.log_in(0x0004_0003_0002_0001).await);
     assert!(!bench.stranger().await.log_in(PASSWORD).await);
 }
+
+/// A client that is logged in stays until `actions`, is gone after them, and a new one is not logged in.
+async fn ends_at(actions: &[&str]) {
+    let bench = Bench::start().await;
+    let mut client = bench.client().await;
+    for action in actions {
+        bench.server.control().act(action).expect("an action");
+    }
+    assert_eq!(client.closed().await, [0; 0], "{actions:?}");
+    bench.server.control().set_clock(stepdrive_rig::file::ClockMode::Factor(1000.0));
+    let mut client = reconnected(&bench).await;
+    assert_eq!(client.get(Reg::AccessFlag).await, Ok(0));
+}
+
+/// A client of the drive once it can be reached again.
+async fn reconnected(bench: &Bench) -> Client {
+    loop {
+        let mut client = bench.stranger().await;
+        if client.try_ask(&who_are_you()).await.is_ok() {
+            return client;
+        }
+    }
+}
+
+#[tokio::test]
+async fn without_supply_connections_end_even_when_it_is_back_before_anybody_looks() {
+    ends_at(&["power stage off", "power stage on"]).await;
+    ends_at(&["power stage off for 1us"]).await;
+}
+
+#[tokio::test]
+async fn on_a_line_that_was_cut_connections_have_ended_even_when_it_is_mended_before_anybody_looks() {
+    ends_at(&["fault stage.connection cut", "fault stage.connection off"]).await;
+    ends_at(&["fault stage.connection cut for 1us"]).await;
+}
