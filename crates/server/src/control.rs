@@ -18,6 +18,9 @@ use stepdrive_spec::time::Instant;
 /// The most that may happen in the rig before whoever else waits for it gets a turn: some milliseconds of computing.
 const SLICE: u32 = 50_000;
 
+/// How long whoever else waits for the rig has for its turn: a lock that is taken again at once is seldom had by another.
+const TURN: Duration = Duration::from_millis(1);
+
 /// Controls a running rig. Clones control the same one.
 #[derive(Clone)]
 pub struct Control {
@@ -171,7 +174,7 @@ impl Control {
             if !behind {
                 return Moved { now: end, reached: true };
             }
-            tokio::task::yield_now().await;
+            tokio::time::sleep(TURN).await;
         }
         Moved { now: self.now(), reached: false }
     }
@@ -194,7 +197,7 @@ impl Control {
             match arrival {
                 Some(Arrival::Reached(now)) => return Some(Moved { now, reached: true }),
                 Some(Arrival::TimeOver) => return Some(Moved { now: end, reached: false }),
-                Some(Arrival::OutOfBudget(_)) => tokio::task::yield_now().await,
+                Some(Arrival::OutOfBudget(_)) => tokio::time::sleep(TURN).await,
                 None => return Some(Moved { now: self.now(), reached: false }),
             }
         }
