@@ -9,7 +9,7 @@ const OURS: &str = "stepdrive-";
 
 /// Each member, and the crates of ours that it may use. What is absent matters as much: `proto` knows no drive, and
 /// `drive` knows no byte.
-const ARROWS: [(&str, &[&str]); 11] = [
+const ARROWS: [(&str, &[&str]); 12] = [
     ("crates/spec", &[]),
     ("crates/motion", &["spec"]),
     ("crates/proto", &["spec"]),
@@ -17,9 +17,10 @@ const ARROWS: [(&str, &[&str]); 11] = [
     ("crates/rig", &["spec", "motion", "drive"]),
     ("crates/asm", &["spec"]),
     ("crates/server", &["spec", "proto", "drive", "rig"]),
-    ("crates/cli", &["spec", "rig", "asm", "server"]),
+    ("crates/host", &["spec", "proto"]),
+    ("crates/cli", &["spec", "rig", "asm", "server", "host"]),
     ("crates/xtask", &["spec"]),
-    ("bench", &["spec", "motion", "proto", "drive", "rig", "asm", "server"]),
+    ("bench", &["spec", "motion", "proto", "drive", "rig", "asm", "server", "host"]),
     ("fuzz", &["spec", "motion", "proto", "drive", "rig", "asm", "server"]),
 ];
 

@@ -1,0 +1,389 @@
+//! The motor of an SMSD.
+
+use super::Stop;
+use super::motor::{Fault, Look, Motion, Motor, Order, Profile, Setup};
+use super::wait::Pace;
+use crate::connect::BoxFuture;
+use crate::direction::Direction;
+use crate::error::Error;
+use crate::smsd::{SmsdClient, Snapshot, Way, WordOrder};
+use crate::trust::Continuity;
+use std::time::Duration;
+use stepdrive_proto::modbus::{Adu, encode_request};
+use stepdrive_spec::modbus::Request;
+use stepdrive_spec::smsd::inputs::Input;
+use stepdrive_spec::smsd::instructions::Opcode;
+use stepdrive_spec::smsd::mode::MotorConfiguration;
+use stepdrive_spec::smsd::powerstep01;
+use stepdrive_spec::smsd::registers::{Kind, Reg};
+use stepdrive_spec::smsd::ring;
+
+/// How often a stop is sent whose reply is lost: sent twice it is the same.
+const TRIES: u32 = 3;
+
+/// How long the motor is waited for after it was told to stop.
+const STOPPING: Duration = Duration::from_mins(1);
+
+/// The highest code of `MICROSTEPPING`: 1/128.
+const FINEST: u16 = 7;
+
+/// The motor of an SMSD.
+///
+/// A move goes to its position forward or backward (`GO_TO_F`, `GO_TO_R`), wherever it lies, and never over the end of the
+/// counter. Homing looks for the signal `SET_ZERO` (`SCAN_ZERO_F`, `SCAN_ZERO_R`), at `TARGET_SPEED` where no other speed is
+/// given; where the signal is there already it first goes back until it is not. There are no limit switches.
+#[derive(Debug)]
+pub struct SmsdMotor {
+    client: SmsdClient,
+    name: String,
+}
+
+impl SmsdMotor {
+    /// The motor of a controller, under the name that errors are to give it.
+    pub fn new(name: &str, client: SmsdClient) -> SmsdMotor {
+        SmsdMotor { client, name: name.to_owned() }
+    }
+
+    /// The controller.
+    pub fn client(&self) -> &SmsdClient {
+        &self.client
+    }
+
+    /// Microsteps to the full step, at present.
+    async fn parts(&self) -> Result<u16, Error> {
+        self.parts_of(self.client.read(Reg::Microstepping).await?)
+    }
+
+    /// Microsteps to the full step under a code of `MICROSTEPPING`.
+    fn parts_of(&self, code: i64) -> Result<u16, Error> {
+        match u16::try_from(code) {
+            Ok(microstepping @ 0..=FINEST) => {
+                let motor = MotorConfiguration { microstepping, ..MotorConfiguration::FACTORY };
+                Ok(motor.microsteps_per_step())
+            }
+            _ => Err(Error::Device(format!(
+                "{} of {} reads {code}, and it can be 0 to {FINEST} (full step to 1/128); without it positions cannot be \
+                 told; write another value to it",
+                Reg::Microstepping.info().name,
+                self.name
+            ))),
+        }
+    }
+
+    async fn look_at(&self) -> Result<Look, Error> {
+        let parts = self.parts().await?;
+        Ok(seen(&self.client.snapshot().await?, parts))
+    }
+
+    async fn set_up(&self) -> Result<Setup, Error> {
+        let regs = [Reg::MinSpeed, Reg::MaxSpeed, Reg::Acc, Reg::Dec, Reg::Microstepping];
+        let values = self.client.read_many(&regs).await?;
+        let value = |place: usize| values.get(place).copied().unwrap_or(0);
+        let rounded = |scale: powerstep01::Scale, place| scale.round(value(place) as f64);
+        let start = rounded(powerstep01::MIN_SPEED, 0);
+        let profile = Profile {
+            start,
+            stop: start,
+            max: rounded(powerstep01::MAX_SPEED, 1),
+            acceleration: rounded(powerstep01::ACCELERATION, 2),
+            deceleration: rounded(powerstep01::ACCELERATION, 3),
+        };
+        let range = (ring::MIN.into(), ring::MAX.into());
+        Ok(Setup { profile, parts: self.parts_of(value(4))?, range, reach: ring::SIZE - 1 })
+    }
+
+    // ---- orders
+
+    /// The writes for an order; the last is the command.
+    async fn writes(&self, order: Order) -> Result<Vec<(Reg, i64)>, Error> {
+        let max = order.speed.map(|speed| (Reg::MaxSpeed, whole(speed)));
+        let (operand, opcode) = match order.motion {
+            Motion::To { target, direction: Direction::Positive } => {
+                ((Reg::TargetPos, target), Opcode::GoToF)
+            }
+            Motion::To { target, direction: Direction::Negative } => {
+                ((Reg::TargetPos, target), Opcode::GoToR)
+            }
+            Motion::By(distance) => ((Reg::TargetPos, distance), Opcode::MoveF),
+            Motion::Run(direction) => {
+                let opcode = if direction == Direction::Positive { Opcode::RunF } else { Opcode::RunR };
+                ((Reg::TargetSpeed, self.run_speed(order).await?), opcode)
+            }
+        };
+        Ok(max.into_iter().chain([operand, (Reg::Cmd, opcode.code().into())]).collect())
+    }
+
+    /// The speed of an endless motion: the highest, as nothing else is said.
+    async fn run_speed(&self, order: Order) -> Result<i64, Error> {
+        match order.speed {
+            Some(speed) => Ok(whole(speed)),
+            None => self.client.read(Reg::MaxSpeed).await,
+        }
+    }
+
+    async fn get_ready(&self, order: Order) -> Result<(), Error> {
+        self.check_program().await?;
+        match order.speed {
+            Some(speed) => self.client.write(Reg::MaxSpeed, whole(speed)).await,
+            None => Ok(()),
+        }
+    }
+
+    /// A program that runs would go on beside what is asked for.
+    async fn check_program(&self) -> Result<(), Error> {
+        let program = self.client.program().await?;
+        if !program.running {
+            return Ok(());
+        }
+        Err(Error::Refused(format!(
+            "a user program runs in {} (mem{}:{}) and moves the motor as it likes; stop it with {} first",
+            self.name,
+            program.area,
+            program.line,
+            Opcode::StopProgramMem
+        )))
+    }
+
+    async fn start_motion(&self, order: Order) -> Result<(), Error> {
+        match order.motion {
+            Motion::To { target, direction: Direction::Positive } => {
+                self.client.move_to(target, Way::Forward).await
+            }
+            Motion::To { target, direction: Direction::Negative } => {
+                self.client.move_to(target, Way::Reverse).await
+            }
+            Motion::By(distance) => self.client.move_by(distance).await,
+            Motion::Run(direction) => self.client.run(direction, self.run_speed(order).await?).await,
+        }
+    }
+
+    async fn stop_as(&self, how: Stop) -> Result<(), Error> {
+        let coil = match how {
+            Stop::Soft => Reg::SoftStop,
+            Stop::Hard => Reg::HardStop,
+            Stop::Free => Reg::SoftHiZ,
+        };
+        self.insist(coil).await
+    }
+
+    /// Lets a coil act that does the same when it acts twice.
+    async fn insist(&self, coil: Reg) -> Result<(), Error> {
+        let mut outcome = self.client.trigger(coil).await;
+        for _ in 1..TRIES {
+            if !matches!(outcome, Err(Error::Uncertain { .. })) {
+                break;
+            }
+            outcome = self.client.trigger(coil).await;
+        }
+        outcome
+    }
+
+    // ---- homing
+
+    async fn find_home(
+        &self,
+        direction: Direction,
+        speed: Option<f64>,
+        timeout: Option<Duration>,
+    ) -> Result<(), Error> {
+        self.check_program().await?;
+        if self.client.read(Reg::Mask).await? & i64::from(Input::SetZero.bit()) == 0 {
+            return Err(Error::Refused(format!(
+                "the input {} of {} is masked, so it would never be found; set its bit in Mask; nothing was sent",
+                Input::SetZero,
+                self.name
+            )));
+        }
+        let speed = match speed {
+            Some(speed) => whole(speed),
+            None => self.client.read(Reg::TargetSpeed).await?,
+        };
+        let mut pace = Pace::new(timeout, None);
+        let found = self.seek(direction, speed, &mut pace).await;
+        if matches!(found, Err(Error::Device(_))) {
+            self.insist(Reg::SoftStop).await?;
+            self.until(&mut Pace::new(Some(STOPPING), None), |snapshot| !is_moving(snapshot)).await?;
+        }
+        found
+    }
+
+    async fn seek(&self, direction: Direction, speed: i64, pace: &mut Pace) -> Result<(), Error> {
+        if self.client.snapshot().await?.input(Input::SetZero) {
+            self.client.run(direction.opposite(), speed).await?;
+            self.until(pace, |snapshot| !snapshot.input(Input::SetZero) || !is_moving(snapshot)).await?;
+            self.insist(Reg::SoftStop).await?;
+            self.until(pace, |snapshot| !is_moving(snapshot)).await?;
+        }
+        self.client.scan_zero(direction, speed).await?;
+        let snapshot = self.until(pace, |snapshot| !is_moving(snapshot)).await?;
+        if snapshot.position == 0 && snapshot.input(Input::SetZero) {
+            return Ok(());
+        }
+        Err(Error::Refused(format!(
+            "{} stopped at {} microsteps without having found {}: somebody or something stopped it; home it again",
+            self.name,
+            snapshot.position,
+            Input::SetZero
+        )))
+    }
+
+    /// Looks until something is so.
+    async fn until(&self, pace: &mut Pace, done: impl Fn(&Snapshot) -> bool) -> Result<Snapshot, Error> {
+        loop {
+            let snapshot = self.client.snapshot().await?;
+            if done(&snapshot) {
+                return Ok(snapshot);
+            }
+            if !pace.pause().await {
+                return Err(Error::Device(format!(
+                    "{} did not find {} in the time given; the motor was stopped ({snapshot} before that)",
+                    self.name,
+                    Input::SetZero
+                )));
+            }
+        }
+    }
+}
+
+impl Motor for SmsdMotor {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn upsets(&self) -> BoxFuture<'_, u64> {
+        Box::pin(self.client.connections())
+    }
+
+    fn look(&self) -> BoxFuture<'_, Result<Look, Error>> {
+        Box::pin(self.look_at())
+    }
+
+    fn setup(&self) -> BoxFuture<'_, Result<Setup, Error>> {
+        Box::pin(self.set_up())
+    }
+
+    fn sent_for(&self, order: Order) -> BoxFuture<'_, Result<Vec<String>, Error>> {
+        Box::pin(async move {
+            let words = self.client.word_order().await?;
+            let writes = self.writes(order).await?;
+            Ok(writes.into_iter().map(|(reg, value)| frame_text(reg, value, words)).collect())
+        })
+    }
+
+    fn prepare(&self, order: Order) -> BoxFuture<'_, Result<(), Error>> {
+        Box::pin(self.get_ready(order))
+    }
+
+    fn start(&self, order: Order) -> BoxFuture<'_, Result<(), Error>> {
+        Box::pin(self.start_motion(order))
+    }
+
+    fn stop(&self, how: Stop) -> BoxFuture<'_, Result<(), Error>> {
+        Box::pin(self.stop_as(how))
+    }
+
+    fn home(
+        &self,
+        direction: Direction,
+        speed: Option<f64>,
+        timeout: Option<Duration>,
+    ) -> BoxFuture<'_, Result<(), Error>> {
+        Box::pin(self.find_home(direction, speed, timeout))
+    }
+
+    fn zero(&self) -> BoxFuture<'_, Result<(), Error>> {
+        Box::pin(self.insist(Reg::ResetPos))
+    }
+
+    fn mark(&self) -> BoxFuture<'_, Result<(), Error>> {
+        // That a controller has started over shows in HiZ, with which it begins.
+        Box::pin(async { Ok(()) })
+    }
+
+    fn continuity<'a>(
+        &'a self,
+        place: Option<f64>,
+        look: &'a Look,
+    ) -> BoxFuture<'a, Result<Continuity, Error>> {
+        let moved =
+            place.is_some_and(|place| look.moving || (place - look.position).abs() > 2.0 * look.within);
+        Box::pin(async move {
+            Ok(match (look.energised, moved) {
+                (false, _) => Continuity::Broken,
+                (true, true) => Continuity::Unclear,
+                (true, false) => Continuity::Kept,
+            })
+        })
+    }
+
+    fn clear_faults(&self) -> BoxFuture<'_, Result<(), Error>> {
+        Box::pin(self.client.clear_flags())
+    }
+}
+
+fn is_moving(snapshot: &Snapshot) -> bool {
+    snapshot.is_moving() || !snapshot.status.ready
+}
+
+fn seen(snapshot: &Snapshot, parts: u16) -> Look {
+    let error = Reg::CmdError.info();
+    let fault = Fault { name: error.name, about: error.about, disables: false };
+    let speed = f64::from(snapshot.speed);
+    Look {
+        position: f64::from(snapshot.position) / f64::from(parts),
+        speed: if snapshot.status.forward || snapshot.speed == 0 { speed } else { -speed },
+        moving: is_moving(snapshot),
+        energised: !snapshot.status.hi_z,
+        faults: snapshot.status.cmd_error.then_some(fault).into_iter().collect(),
+        limit_negative: false,
+        limit_positive: false,
+        within: 0.5 / f64::from(parts),
+    }
+}
+
+/// A speed as a register holds it; the client says which it takes.
+fn whole(speed: f64) -> i64 {
+    #[allow(clippy::cast_possible_truncation, reason = "`as` saturates, and what is too much is refused")]
+    let whole = speed.round() as i64;
+    whole
+}
+
+/// A write as its PDU, and what it says.
+fn frame_text(reg: Reg, value: i64, order: WordOrder) -> String {
+    let row = reg.info();
+    let [a, b, c, d, ..] = value.to_le_bytes();
+    let (low, high) = (u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d]));
+    let request = match (row.kind, order) {
+        (Kind::Bit | Kind::U16, _) => Request::WriteRegister { address: row.address, value: low },
+        (Kind::U32 | Kind::I32, WordOrder::LowFirst) => {
+            Request::WriteRegisters { address: row.address, values: [low, high].into_iter().collect() }
+        }
+        (Kind::U32 | Kind::I32, WordOrder::HighFirst) => {
+            Request::WriteRegisters { address: row.address, values: [high, low].into_iter().collect() }
+        }
+    };
+    let mut frame = Adu::new();
+    // One register or two are never too many.
+    let _ = encode_request(&mut frame, 0, 0, &request);
+    // Behind the header, which differs with every request.
+    let pdu = frame.get(7..).unwrap_or(&[]).iter().map(|byte| format!("{byte:02X}"));
+    let pdu = pdu.collect::<Vec<_>>().join(" ");
+    match u16::try_from(value).ok().and_then(Opcode::from_cmd).filter(|_| reg == Reg::Cmd) {
+        Some(opcode) => format!("{pdu}  {} = {opcode}", row.name),
+        None => format!("{pdu}  {} = {value}", row.name),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_write_is_shown_as_its_pdu_and_in_words() {
+        assert_eq!(frame_text(Reg::Cmd, 0x12, WordOrder::LowFirst), "06 11 09 00 12  CMD = GO_TO_F");
+        assert_eq!(
+            frame_text(Reg::TargetPos, -2, WordOrder::HighFirst),
+            "10 11 06 00 02 04 FF FF FF FE  TARGET_POS = -2"
+        );
+    }
+}

@@ -1,0 +1,123 @@
+//! LAN parameters (App. A).
+
+use super::client::SmsdClient;
+use super::snapshot::between;
+use super::value::{Run, Slot, range};
+use crate::Error;
+use stepdrive_spec::smsd::registers::Reg;
+
+/// Value of `DHCP`: the address is static.
+const STATIC: i64 = 1;
+/// Value of `DHCP`: the address comes from a DHCP server.
+const FROM_SERVER: i64 = 2;
+
+/// The LAN parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LanParameters {
+    /// Modbus unit identifier, 1 to 247.
+    pub id: u8,
+    /// MAC address.
+    pub mac: [u8; 6],
+    /// IP address.
+    pub ip: [u8; 4],
+    /// Subnet mask.
+    pub subnet_mask: [u8; 4],
+    /// Gateway.
+    pub gateway: [u8; 4],
+    /// DNS server.
+    pub dns: [u8; 4],
+    /// TCP port, not 0.
+    pub port: u16,
+    /// The address comes from a DHCP server.
+    pub dhcp: bool,
+}
+
+impl SmsdClient {
+    /// The LAN parameters as they are written down, in one request. They are in effect if they were applied since.
+    ///
+    /// # Errors
+    /// Those of [`SmsdClient::read`]; [`Error::Device`] when one of them is out of its range.
+    pub async fn lan_parameters(&self) -> Result<LanParameters, Error> {
+        let slots = parameters();
+        let values = self.read_run(Run { slots: &slots }).await?;
+        if let Some((slot, value)) = slots.iter().zip(&values).find(|(slot, value)| !can_be(slot, **value)) {
+            return Err(Error::Device(format!(
+                "{slot} of {} reads {value}, and it can be {}; write another value to it",
+                self.name().await,
+                slot.takes(None)
+            )));
+        }
+        let value = |reg: Reg, index: u16| {
+            let mut found = slots.iter().zip(&values);
+            found.find(|(slot, _)| slot.row.id == reg && slot.index == index).map_or(0, |(_, value)| *value)
+        };
+        let octet = |reg: Reg, index: u16| u8::try_from(value(reg, index)).unwrap_or(u8::MAX);
+        let address = |reg: Reg| [0, 1, 2, 3].map(|index| octet(reg, index));
+        Ok(LanParameters {
+            id: octet(Reg::LanId, 0),
+            mac: [0, 1, 2, 3, 4, 5].map(|index| octet(Reg::LanMac, index)),
+            ip: address(Reg::LanIp),
+            subnet_mask: address(Reg::LanSubnetMask),
+            gateway: address(Reg::LanGateway),
+            dns: address(Reg::LanDns),
+            port: u16::try_from(value(Reg::LanPort, 0)).unwrap_or(0),
+            dhcp: value(Reg::LanDhcp, 0) == FROM_SERVER,
+        })
+    }
+
+    /// Writes the LAN parameters down, all in one request, and reads them back. They take effect, and survive power-off,
+    /// only when they are applied.
+    ///
+    /// # Errors
+    /// Those of [`SmsdClient::write`]; [`Error::Differs`] when they do not read back as they were written.
+    pub async fn set_lan_parameters(&self, lan: &LanParameters) -> Result<(), Error> {
+        self.write_slots(parameters().into_iter().map(|slot| (slot, value_of(lan, slot))).collect()).await?;
+        let found = self.lan_parameters().await?;
+        if found == *lan {
+            return Ok(());
+        }
+        Err(Error::Differs(format!("the LAN parameters were written as {lan:?} and read {found:?}")))
+    }
+
+    /// Stores the LAN parameters and puts them into effect: the controller closes all connections. From then on this
+    /// client asks for the unit that they name, unless it uses 0 or 255, which every controller answers; a controller
+    /// that is now at another address needs another client.
+    ///
+    /// # Errors
+    /// Those of [`SmsdClient::trigger`].
+    pub async fn apply_lan_parameters(&self) -> Result<(), Error> {
+        let id = self.read(Reg::LanId).await?;
+        self.trigger(Reg::ApplyNetworkConfiguration).await?;
+        let mut session = self.session.lock().await;
+        session.wire.close();
+        if let Some(id) = u8::try_from(id).ok().filter(|_| !matches!(session.unit(), 0 | u8::MAX)) {
+            session.set_unit(id);
+        }
+        Ok(())
+    }
+}
+
+fn parameters() -> Vec<Slot> {
+    between(Reg::LanId, Reg::LanDhcp)
+}
+
+/// Whether a register may hold a value.
+fn can_be(slot: &Slot, value: i64) -> bool {
+    let (lowest, highest) = range(slot.row, None);
+    (lowest..=highest).contains(&value)
+}
+
+fn value_of(lan: &LanParameters, slot: Slot) -> i64 {
+    let octet = |octets: &[u8]| octets.get(usize::from(slot.index)).copied().unwrap_or(0).into();
+    let rows: [(Reg, i64); 8] = [
+        (Reg::LanId, lan.id.into()),
+        (Reg::LanMac, octet(&lan.mac)),
+        (Reg::LanIp, octet(&lan.ip)),
+        (Reg::LanSubnetMask, octet(&lan.subnet_mask)),
+        (Reg::LanGateway, octet(&lan.gateway)),
+        (Reg::LanDns, octet(&lan.dns)),
+        (Reg::LanPort, lan.port.into()),
+        (Reg::LanDhcp, if lan.dhcp { FROM_SERVER } else { STATIC }),
+    ];
+    rows.iter().find(|(reg, _)| *reg == slot.row.id).map_or(0, |(_, value)| *value)
+}
