@@ -1,29 +1,38 @@
-//! `stepdrive`: virtual stepper motor controllers on the wire.
+//! `stepdrive`: stepper motor controllers, virtual ones on the wire and both kinds under control.
 //!
 //! Results go to stdout, talk to stderr. Exit codes: 0 done; 1 the arguments, or a file named in them, are wrong; 2 it
-//! failed; 9 a program has errors; 10 a file is not as it should be; 11 a scenario did not pass.
+//! failed; 3 there is no such axis; 4 there are several; 5 trouble on the line; 6 not authorised; 7 refused by a limit or
+//! interlock; 8 a fault is latched in the drive; 9 a program has errors; 10 something is not as it should be; 11 a scenario
+//! did not pass.
 
+mod axis;
 mod disk;
+mod manual;
+mod plot;
 mod program;
 mod replay;
 mod rig;
 mod rigs;
+mod table;
 mod terminal;
 mod up;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
+use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use stepdrive_rig::file::ClockMode;
 use terminal::{print, tell};
 
-/// Virtual stepper motor controllers that any client written for the real ones can use.
+/// SMSD and SMD3 stepper motor controllers: real and virtual ones under control, and virtual ones for any client.
 #[derive(Debug, Parser)]
 #[command(
     version,
-    after_help = "Exit codes: 0 done, 1 wrong arguments, or a mistake in a file, 2 it could not be done, 9 the program has errors, \
-10 not laid out properly, or a replay differs, 11 the scenario did not pass."
+    after_help = "Exit codes: 0 done, 1 wrong arguments, or a mistake in a file, 2 it could not be done, 3 there is no such axis, \
+4 there are several, 5 trouble on the line, 6 not authorised, 7 refused by a limit or interlock, 8 a fault is latched in the \
+drive, 9 the program has errors, 10 what was verified differs, a program is not laid out properly, or a replay differs, 11 the \
+scenario did not pass."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -32,6 +41,39 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Show how an axis stands: position and whether it can be trusted, motion, limits, faults.
+    Status(axis::StatusArgs),
+    /// Show live how one or several axes stand, until Ctrl-C.
+    Watch(axis::WatchArgs),
+    /// Move an axis to a position or by a distance, and wait until it is there.
+    Move(axis::MoveArgs),
+    /// Let an axis run in a direction until it is stopped.
+    Run(axis::RunArgs),
+    /// Stop an axis.
+    Stop(axis::StopArgs),
+    /// Look for the home switch of an axis, and take its place as zero.
+    Home(axis::HomeArgs),
+    /// Take the place where an axis stands as zero.
+    Zero(axis::ZeroArgs),
+    /// Read registers of an SMSD, or values of an SMD3.
+    Get(axis::GetArgs),
+    /// Set a register of an SMSD, or a value of an SMD3.
+    Set(axis::SetArgs),
+    /// Show everything that a controller holds, decoded: the register map of an SMSD, the values of an SMD3.
+    Regs(axis::RegsArgs),
+    /// Save, compare and apply the settings of a controller as a file.
+    #[command(subcommand)]
+    Settings(axis::SettingsCommand),
+    /// Show the status and error flags of a controller.
+    Flags(axis::FlagsArgs),
+    /// Clear the faults that are latched in a controller.
+    Clear(axis::ClearArgs),
+    /// Warm the motor of an SMD3 through its phases, or end that.
+    Bake(axis::BakeArgs),
+    /// Talk with a controller in its own words, explained.
+    Term(axis::TermArgs),
+    /// List where controllers may be found: serial ports, and the drives of a rig that runs here.
+    Ports(axis::PortsArgs),
     /// Bring up a rig of virtual controllers and keep it running until Ctrl-C or SIGTERM.
     Up(UpArgs),
     /// Look at a rig that runs, and control it: its clock, inputs, faults, wires, power.
@@ -43,6 +85,14 @@ enum Command {
     /// Check, build, read, lay out and run user programs of the SMSD.
     #[command(subcommand)]
     Program(program::Command),
+    /// Record quantities of axes over time to CSV or Parquet.
+    Record(axis::RecordArgs),
+    /// Draw a recording: its quantities over time, a panel for each unit.
+    Plot(plot::PlotArgs),
+    /// Print what makes a shell complete the words of stepdrive.
+    Completions(manual::CompletionsArgs),
+    /// Write manual pages for `man`.
+    Man(manual::ManArgs),
 }
 
 #[derive(Debug, clap::Args)]
@@ -74,6 +124,12 @@ enum Failure {
     Usage(String),
     /// It could not be done: exit code 2.
     Failed(String),
+    /// There is no such axis: exit code 3.
+    NotFound(String),
+    /// There are several of which it may be: exit code 4.
+    Several(String),
+    /// A controller could not be brought to do it: the exit code is the error's own, 1 to 10.
+    Host(stepdrive_host::Error),
     /// A program has errors, or was refused while it ran: exit code 9.
     Program(String),
     /// A file is not as it should be: exit code 10.
@@ -92,20 +148,69 @@ fn main() -> ExitCode {
         }
     };
     let outcome = match cli.command {
+        Command::Status(args) => axis::status(&args),
+        Command::Watch(args) => axis::watch(&args),
+        Command::Move(args) => axis::r#move(&args),
+        Command::Run(args) => axis::run(&args),
+        Command::Stop(args) => axis::stop(&args),
+        Command::Home(args) => axis::home(&args),
+        Command::Zero(args) => axis::zero(&args),
+        Command::Get(args) => axis::get(&args),
+        Command::Set(args) => axis::set(&args),
+        Command::Regs(args) => axis::regs(&args),
+        Command::Settings(command) => axis::settings(&command),
+        Command::Flags(args) => axis::flags(&args),
+        Command::Clear(args) => axis::clear(&args),
+        Command::Bake(args) => axis::bake(&args),
+        Command::Term(args) => axis::term(&args),
+        Command::Ports(args) => axis::ports(&args),
         Command::Up(args) => up::up(&args),
         Command::Rig(args) => rig::rig(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::ExampleRig => print(stepdrive_rig::file::DEMO),
         Command::Program(command) => program::program(&command),
+        Command::Record(args) => axis::record(&args),
+        Command::Plot(args) => plot::plot(&args),
+        Command::Completions(args) => manual::completions(Cli::command(), &args),
+        Command::Man(args) => manual::man(Cli::command(), &args),
     };
-    let (message, code) = match outcome {
-        Ok(()) => return ExitCode::SUCCESS,
-        Err(Failure::Usage(message)) => (message, 1),
-        Err(Failure::Failed(message)) => (message, 2),
-        Err(Failure::Program(message)) => (message, 9),
-        Err(Failure::Differs(message)) => (message, 10),
-        Err(Failure::Scenario(message)) => (message, 11),
-    };
-    tell(&format!("stepdrive: {message}"));
-    ExitCode::from(code)
+    let Err(failure) = outcome else { return ExitCode::SUCCESS };
+    tell(&format!("stepdrive: {failure}"));
+    ExitCode::from(failure.exit_code())
+}
+
+impl Failure {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Failure::Usage(_) => 1,
+            Failure::Failed(_) => 2,
+            Failure::NotFound(_) => 3,
+            Failure::Several(_) => 4,
+            Failure::Host(error) => error.exit_code(),
+            Failure::Program(_) => 9,
+            Failure::Differs(_) => 10,
+            Failure::Scenario(_) => 11,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Failure::Usage(message)
+            | Failure::Failed(message)
+            | Failure::NotFound(message)
+            | Failure::Several(message)
+            | Failure::Program(message)
+            | Failure::Differs(message)
+            | Failure::Scenario(message) => f.write_str(message),
+            Failure::Host(error) => error.fmt(f),
+        }
+    }
+}
+
+impl From<stepdrive_host::Error> for Failure {
+    fn from(error: stepdrive_host::Error) -> Failure {
+        Failure::Host(error)
+    }
 }

@@ -52,7 +52,7 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<RigFile, Failure> {
 }
 
 /// The platform's folder for what a program remembers.
-fn state_folder() -> Result<PathBuf, Failure> {
+pub(crate) fn state_folder() -> Result<PathBuf, Failure> {
     let platform = etcetera::choose_base_strategy().map_err(|error| {
         Failure::Failed(format!("there is no state folder ({error}); give one with --state DIR"))
     })?;
@@ -69,7 +69,7 @@ fn folder_name(path: &Path) -> String {
 }
 
 /// The FNV-1a hash of 32 bits: short, and the same on every machine and in every version.
-fn fnv1a(bytes: &[u8]) -> u32 {
+pub(crate) fn fnv1a(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0x811C_9DC5, |hash, byte| (hash ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
 }
 

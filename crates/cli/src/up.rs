@@ -247,7 +247,7 @@ fn things_to_try(drives: &[ServedDrive], api: Option<&str>) -> String {
 }
 
 /// The host under which an address is reached from here: a drive that listens on all addresses is reached at this one.
-fn reachable(address: SocketAddr) -> IpAddr {
+pub(crate) fn reachable(address: SocketAddr) -> IpAddr {
     match address.ip() {
         IpAddr::V4(host) if host.is_unspecified() => IpAddr::from(Ipv4Addr::LOCALHOST),
         IpAddr::V6(host) if host.is_unspecified() => IpAddr::from(Ipv6Addr::LOCALHOST),

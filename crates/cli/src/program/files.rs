@@ -9,11 +9,14 @@ use std::path::Path;
 use stepdrive_asm::check::CheckOptions;
 use stepdrive_asm::report::Report;
 use stepdrive_asm::{Diagnostic, Image, ImageError, Origin, Severity, SourceFile, assemble, report};
-use stepdrive_spec::smsd::instructions::PROGRAM_AREAS;
+use stepdrive_spec::smsd::instructions::{Instruction, PROGRAM_AREAS};
 use stepdrive_spec::smsd::models::Model;
 
 /// How an image begins, so that it can be told from a text.
 const IMAGE_START: &[u8] = b"SMSDPROG";
+
+/// Memories, and the instructions for each.
+pub(super) type Memories = Vec<(u8, Vec<Instruction>)>;
 
 /// A program that was read.
 pub(super) struct Program {
@@ -51,6 +54,66 @@ impl Program {
     pub(super) fn image(&self) -> Result<&Image, Failure> {
         let errors = count(&self.findings, Severity::Error);
         self.image.as_ref().ok_or_else(|| Failure::Program(errors_in(&self.name, errors)))
+    }
+
+    /// The instructions to be stored: those for one memory, or for every memory that the program has some for.
+    pub(super) fn memories_for(&self, memory: Option<u8>) -> Result<Memories, Failure> {
+        let image = self.image()?;
+        let moved = memory.and_then(|memory| self.moved_to(memory));
+        let image = moved.as_ref().unwrap_or(image);
+        let meant = (0..PROGRAM_AREAS).filter_map(|area| u8::try_from(area).ok());
+        let meant = meant.filter(|area| memory.is_none_or(|memory| memory == *area));
+        let meant: Vec<u8> = meant.filter(|area| !image.area((*area).into()).is_empty()).collect();
+        if meant.is_empty() {
+            let which = memory.map_or_else(String::new, |memory| format!(" for memory {memory}"));
+            let (name, sizes) = (&self.name, self.sizes());
+            return Err(Failure::Usage(format!(
+                "{name} has no instructions{which}: it has {sizes}; nothing was sent"
+            )));
+        }
+        meant.into_iter().map(|area| Ok((area, self.instructions(image, area)?))).collect()
+    }
+
+    /// A text that says nothing of memories, assembled for another than memory 0.
+    fn moved_to(&self, memory: u8) -> Option<Image> {
+        let source = self.source.as_ref()?;
+        let text = format!(".mem {memory}\n{}", source.text());
+        let moved = assemble(&SourceFile::new(source.name(), text)).image?;
+        let only = |image: &Image, memory: usize| {
+            (0..PROGRAM_AREAS).all(|area| (area == memory) != image.area(area).is_empty())
+        };
+        (only(self.image.as_ref()?, 0) && only(&moved, memory.into())).then_some(moved)
+    }
+
+    fn instructions(&self, image: &Image, memory: u8) -> Result<Vec<Instruction>, Failure> {
+        let words = image.area(memory.into()).iter().enumerate();
+        let instruction = |(line, word): (usize, &u32)| {
+            Instruction::from_word(*word).map_err(|error| {
+                Failure::Program(format!(
+                    "{}: mem{memory}:{line} is {word:#010X}: {error}; nothing was sent",
+                    self.name
+                ))
+            })
+        };
+        words.map(instruction).collect()
+    }
+
+    /// Shows what the checker finds besides when it knows the model.
+    pub(super) fn show_more(&self, model: Model) {
+        let options = CheckOptions { model: Some(model) };
+        match (&self.source, &self.image) {
+            (Some(source), _) => {
+                let mut findings = assemble(source).check(&options);
+                findings.retain(|finding| !self.findings.contains(finding));
+                show_findings(&findings, Origin::Text(source));
+            }
+            (None, Some(image)) => {
+                let mut findings = stepdrive_asm::check(image, None, &options);
+                findings.retain(|finding| !self.findings.contains(finding));
+                show_findings(&findings, Origin::Image(&self.name));
+            }
+            (None, None) => {}
+        }
     }
 
     /// How many instructions each memory has.

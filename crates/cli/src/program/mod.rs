@@ -1,6 +1,8 @@
-//! `stepdrive program`: the user programs of the SMSD as text.
+//! `stepdrive program`: the user programs of the SMSD as text, and in a controller's memory.
 
+mod controller;
 mod files;
+mod follow;
 mod run;
 mod signals;
 mod timeline;
@@ -28,6 +30,16 @@ pub(crate) enum Command {
     Fmt(FmtArgs),
     /// Run a program on a virtual drive on virtual time, and print what happens.
     Run(run::RunArgs),
+    /// Check a program, store it in a controller's memory, and read it back.
+    Store(controller::StoreArgs),
+    /// Read the programs in a controller's memory as text.
+    Fetch(controller::FetchArgs),
+    /// Start a program in a controller's memory.
+    Start(controller::StartArgs),
+    /// Stop the program that a controller runs. The motor goes on as it was.
+    Stop(controller::StopArgs),
+    /// Print the line that a controller runs, live, until the program ends.
+    Follow(follow::FollowArgs),
 }
 
 #[derive(Debug, clap::Args)]
@@ -89,6 +101,11 @@ pub(crate) fn program(command: &Command) -> Result<(), Failure> {
         Command::Dump(args) => dump(args),
         Command::Fmt(args) => fmt(args),
         Command::Run(args) => run::run(args),
+        Command::Store(args) => controller::store(args),
+        Command::Fetch(args) => controller::fetch(args),
+        Command::Start(args) => controller::start(args),
+        Command::Stop(args) => controller::stop(args),
+        Command::Follow(args) => follow::follow(args),
     }
 }
 

@@ -6,15 +6,16 @@ mod play;
 mod show;
 mod sse;
 mod state;
-mod table;
-mod watch;
+pub(crate) mod table;
+pub(crate) mod watch;
 
-pub(crate) use client::DEFAULT_API;
+pub(crate) use client::{At, DEFAULT_API};
+pub(crate) use state::DriveState;
 
 use crate::Failure;
 use crate::terminal::{print, print_json};
 use clap::Subcommand;
-use client::{At, Client, part};
+use client::{Client, part};
 use serde_json::json;
 use state::{Done, DriveDetail, Fault, RigState, time};
 
@@ -174,6 +175,29 @@ impl Command {
             | Command::Watch(_) => Vec::new(),
         }
     }
+}
+
+/// What answers where a rig may be.
+#[derive(Debug)]
+pub(crate) enum Answering {
+    /// Nothing, or what is no rig.
+    Nothing,
+    /// A rig that lets nobody in without its token; what it says.
+    Closed(String),
+    /// A rig with these drives.
+    Rig(Vec<DriveState>),
+}
+
+/// Asks who is there, and says where that is.
+pub(crate) fn look_at(at: &At) -> Result<(String, Answering), Failure> {
+    let client = Client::new(at)?;
+    let rig = client.get("/v1/rig").and_then(|answer| answer.read::<RigState>());
+    let answering = match rig {
+        Ok(rig) => Answering::Rig(rig.drives),
+        Err(refusal) if refusal.wrong => Answering::Closed(refusal.message),
+        Err(_) => Answering::Nothing,
+    };
+    Ok((client.base().to_owned(), answering))
 }
 
 fn status(client: &Client, json: bool) -> Result<(), Failure> {

@@ -36,11 +36,11 @@ pub(super) struct Clock {
 
 /// A drive.
 #[derive(Debug, Deserialize)]
-pub(super) struct DriveState {
+pub(crate) struct DriveState {
     /// Its name.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// Its model.
-    pub(super) model: String,
+    pub(crate) model: String,
     /// Whether it has its supply.
     pub(super) powered: bool,
     /// What it does, in a word or a few.
@@ -66,13 +66,13 @@ pub(super) struct DriveState {
     pub(super) faults: Ordered<String>,
     /// Where it listens for Modbus TCP.
     #[serde(default)]
-    pub(super) modbus_tcp: Option<String>,
+    pub(crate) modbus_tcp: Option<String>,
     /// Its virtual COM port.
     #[serde(default)]
-    pub(super) serial: Option<String>,
+    pub(crate) serial: Option<String>,
     /// Where it takes lines over TCP.
     #[serde(default)]
-    pub(super) serial_tcp: Option<String>,
+    pub(crate) serial_tcp: Option<String>,
 }
 
 /// A drive with all that has a value.

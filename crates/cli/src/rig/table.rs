@@ -1,11 +1,11 @@
 //! Rows of text in columns.
 
 /// A column: its heading, and whether it holds numbers.
-pub(super) type Column = (&'static str, Align);
+pub(crate) type Column = (&'static str, Align);
 
 /// Where the cells of a column stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Align {
+pub(crate) enum Align {
     /// Text, at the left.
     Left,
     /// Numbers, at the right.
@@ -13,7 +13,7 @@ pub(super) enum Align {
 }
 
 /// The heading and the rows as lines, two spaces between columns and none at the end.
-pub(super) fn table<const N: usize>(columns: [Column; N], rows: &[[String; N]]) -> Vec<String> {
+pub(crate) fn table<const N: usize>(columns: [Column; N], rows: &[[String; N]]) -> Vec<String> {
     let heading = columns.map(|(heading, _)| heading.to_owned());
     let widths: [usize; N] = std::array::from_fn(|column| {
         let cells = rows.iter().map(|row| width(&row[column]));
@@ -36,7 +36,7 @@ fn line<const N: usize>(columns: [Column; N], widths: [usize; N], cells: &[Strin
 }
 
 /// The lines as one text.
-pub(super) fn text(lines: &[String]) -> String {
+pub(crate) fn text(lines: &[String]) -> String {
     lines.iter().flat_map(|line| [line, "\n"]).collect()
 }
 
@@ -46,7 +46,7 @@ fn width(text: &str) -> usize {
 }
 
 /// A number in as few digits as say it, up to three decimals.
-pub(super) fn number(value: f64) -> String {
+pub(crate) fn number(value: f64) -> String {
     let text = format!("{value:.3}");
     let short = text.trim_end_matches('0').trim_end_matches('.');
     if short == "-0" { "0".to_owned() } else { short.to_owned() }

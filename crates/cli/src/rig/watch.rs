@@ -114,9 +114,7 @@ impl View {
     fn new(json: bool) -> io::Result<View> {
         Ok(match json {
             true => View::Json,
-            false if io::stdout().is_terminal() => {
-                View::Live(Screen { drawn: 0, colour: !no_color() }, HiddenCursor::hide()?)
-            }
+            false if io::stdout().is_terminal() => View::Live(Screen::new(), HiddenCursor::hide()?),
             false => View::Lines(Vec::new()),
         })
     }
@@ -167,21 +165,34 @@ fn changes(before: &[Item], after: &[Item], now_ns: u64) -> String {
     })
 }
 
-const BOLD: &str = "\x1b[1m";
-const RED: &str = "\x1b[31m";
+/// What makes a heading stand out.
+pub(crate) const BOLD: &str = "\x1b[1m";
+/// What makes stand out what is wrong.
+pub(crate) const RED: &str = "\x1b[31m";
 const PLAIN: &str = "\x1b[0m";
 
 /// A part of a terminal that is drawn again and again.
-struct Screen {
+#[derive(Debug)]
+pub(crate) struct Screen {
     /// How many lines were drawn last; none yet with 0.
     drawn: usize,
     colour: bool,
 }
 
 impl Screen {
+    /// One on which nothing was drawn yet.
+    pub(crate) fn new() -> Screen {
+        Screen { drawn: 0, colour: !no_color() }
+    }
+
     /// What draws a rig where it was drawn last.
     fn draw(&mut self, picture: &Picture, size: Option<Size>) -> String {
-        let mut lines = self.lines(picture, size.map(|size| size.columns));
+        let lines = self.lines(picture, size.map(|size| size.columns));
+        self.redraw(lines, size)
+    }
+
+    /// What draws lines where lines were drawn last.
+    pub(crate) fn redraw(&mut self, mut lines: Vec<String>, size: Option<Size>) -> String {
         if let Some(size) = size {
             fit(&mut lines, size.lines);
         }
@@ -197,15 +208,15 @@ impl Screen {
         text
     }
 
+    /// A line in a colour, where colours are wanted, as long as there are columns.
+    pub(crate) fn painted(&self, colour: &str, line: &str, columns: Option<usize>) -> String {
+        let line = cut(line, columns);
+        if self.colour { format!("{colour}{line}{PLAIN}") } else { line }
+    }
+
     fn lines(&self, picture: &Picture, columns: Option<usize>) -> Vec<String> {
-        let cut = |line: &str| match columns {
-            Some(columns) => line.chars().take(columns).collect(),
-            None => line.to_owned(),
-        };
-        let painted = |colour: &str, line: &str| {
-            let line = cut(line);
-            if self.colour { format!("{colour}{line}{PLAIN}") } else { line }
-        };
+        let cut = |line: &str| cut(line, columns);
+        let painted = |colour: &str, line: &str| self.painted(colour, line, columns);
         let mut lines = vec![cut(&picture.clock), String::new(), painted(BOLD, &picture.heading)];
         let drive = |(line, wrong): &(String, bool)| if *wrong { painted(RED, line) } else { cut(line) };
         lines.extend(picture.drives.iter().map(drive));
@@ -214,6 +225,14 @@ impl Screen {
             lines.extend(wires.iter().map(|wire| cut(wire)));
         }
         lines
+    }
+}
+
+/// A line as long as there are columns.
+pub(crate) fn cut(line: &str, columns: Option<usize>) -> String {
+    match columns {
+        Some(columns) => line.chars().take(columns).collect(),
+        None => line.to_owned(),
     }
 }
 
@@ -228,10 +247,12 @@ fn fit(lines: &mut Vec<String>, most: usize) {
 }
 
 /// The cursor, which would flicker from line to line, is hidden for as long as this is kept.
-struct HiddenCursor(());
+#[derive(Debug)]
+pub(crate) struct HiddenCursor(());
 
 impl HiddenCursor {
-    fn hide() -> io::Result<HiddenCursor> {
+    /// Hides it.
+    pub(crate) fn hide() -> io::Result<HiddenCursor> {
         write_now("\x1b[?25l").map(HiddenCursor)
     }
 }
@@ -243,7 +264,8 @@ impl Drop for HiddenCursor {
     }
 }
 
-fn write_now(text: &str) -> io::Result<()> {
+/// Writes a part of a stream of results to stdout.
+pub(crate) fn write_now(text: &str) -> io::Result<()> {
     let mut stdout = io::stdout().lock();
     stdout.write_all(text.as_bytes())?;
     stdout.flush()

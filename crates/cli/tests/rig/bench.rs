@@ -1,7 +1,12 @@
 //! What the tests are written with: a rig that runs, and `stepdrive rig` on it.
 
 use crate::up::{Client, Place, Up, text};
+use rustix::fs::{Mode, OFlags};
+use rustix::pty::{self, OpenptFlags};
+use rustix::termios::{Winsize, tcsetwinsize};
 use serde_json::Value;
+use std::fs::File;
+use std::io::Read;
 use std::net::SocketAddr;
 use std::process::{Command, Output};
 use std::sync::mpsc;
@@ -165,7 +170,7 @@ pub(crate) fn until(mut it_is_so: impl FnMut() -> bool) {
 }
 
 /// Words as a shell parts them.
-fn split(text: &str) -> Vec<String> {
+pub(crate) fn split(text: &str) -> Vec<String> {
     let parts = text.split('\'').enumerate();
     let words = parts.flat_map(|(number, part)| {
         let quoted = number % 2 == 1;
@@ -173,4 +178,24 @@ fn split(text: &str) -> Vec<String> {
         words.into_iter().map(str::to_owned)
     });
     words.collect()
+}
+
+/// A terminal of so many columns and lines, as the program sees it and as the person does.
+pub(crate) fn terminal(columns: u16, lines: u16) -> (File, File) {
+    let person = pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
+    pty::grantpt(&person).and_then(|()| pty::unlockpt(&person)).expect("usable");
+    let name = pty::ptsname(&person, Vec::new()).expect("a name");
+    let size = Winsize { ws_col: columns, ws_row: lines, ws_xpixel: 0, ws_ypixel: 0 };
+    tcsetwinsize(&person, size).expect("set");
+    let program = rustix::fs::open(&name, OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).expect("usable");
+    (program.into(), person.into())
+}
+
+/// Reads what a person sees on, until this is among it.
+pub(crate) fn seen(person: &mut File, seen: &mut String, part: &str) {
+    while !seen.contains(part) {
+        let mut bytes = [0; 4096];
+        let count = person.read(&mut bytes).expect("readable");
+        seen.push_str(&String::from_utf8_lossy(&bytes[..count]));
+    }
 }

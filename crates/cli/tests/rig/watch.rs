@@ -1,12 +1,8 @@
 //! `rig watch`.
 
-use crate::bench::Bench;
-use rustix::fs::{Mode, OFlags};
-use rustix::pty::{self, OpenptFlags};
-use rustix::termios::{Winsize, tcsetwinsize};
+use crate::bench::{Bench, seen, terminal};
 use serde_json::Value;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command};
 
 /// A `rig watch` that runs.
@@ -105,26 +101,6 @@ fn spare() -> ChildStdout {
     let stdout = child.stdout.take().expect("piped");
     child.wait().expect("ended");
     stdout
-}
-
-/// A terminal of so many columns and lines, as the program sees it and as the person does.
-fn terminal(columns: u16, lines: u16) -> (File, File) {
-    let person = pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
-    pty::grantpt(&person).and_then(|()| pty::unlockpt(&person)).expect("usable");
-    let name = pty::ptsname(&person, Vec::new()).expect("a name");
-    let size = Winsize { ws_col: columns, ws_row: lines, ws_xpixel: 0, ws_ypixel: 0 };
-    tcsetwinsize(&person, size).expect("set");
-    let program = rustix::fs::open(&name, OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).expect("usable");
-    (program.into(), person.into())
-}
-
-/// Reads what a person sees on, until this is among it.
-fn seen(person: &mut File, seen: &mut String, part: &str) {
-    while !seen.contains(part) {
-        let mut bytes = [0; 4096];
-        let count = person.read(&mut bytes).expect("readable");
-        seen.push_str(&String::from_utf8_lossy(&bytes[..count]));
-    }
 }
 
 #[test]
