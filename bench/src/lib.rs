@@ -2,9 +2,11 @@
 //!
 //! * [`requests`]: requests as bytes; [`programs`]: user programs.
 //! * [`servers`]: servers in processes of their own, so that what they use can be told from what the load uses.
+//! * [`clients`]: the same for clients.
 //! * [`load`]: requests to servers, in rounds that alternate between them.
 //! * [`process`]: what a process has used, as Linux tells, and what it may.
 
+pub mod clients;
 pub mod load;
 pub mod process;
 pub mod programs;

@@ -23,6 +23,15 @@ const WARM_UP: Duration = Duration::from_millis(300);
 /// The function code's place in a frame.
 const FUNCTION: usize = 7;
 
+/// What can be measured in rounds.
+pub trait Contestant {
+    /// Works for so long.
+    ///
+    /// # Errors
+    /// When it cannot.
+    fn round(&mut self, time: Duration) -> impl Future<Output = io::Result<Round>>;
+}
+
 /// A server and the connections to it.
 #[derive(Debug)]
 pub struct Contender {
@@ -36,7 +45,7 @@ pub struct Contender {
 pub struct Round {
     /// Requests in a second.
     pub rate: f64,
-    /// Processor time of the server for a request, in microseconds.
+    /// Processor time of what is measured for a request, in microseconds.
     pub cost: f64,
 }
 
@@ -45,11 +54,15 @@ pub struct Round {
 pub struct Rounds(Vec<Vec<Round>>);
 
 impl Rounds {
-    /// Measures every contender in turn, `number` times for `time`.
+    /// Measures every contestant in turn, `number` times for `time`.
     ///
     /// # Errors
-    /// When a server does not answer, or answers with an exception.
-    pub async fn measure(contenders: &mut [Contender], number: usize, time: Duration) -> io::Result<Rounds> {
+    /// When one cannot work, as when a server does not answer, or answers with an exception.
+    pub async fn measure(
+        contenders: &mut [impl Contestant],
+        number: usize,
+        time: Duration,
+    ) -> io::Result<Rounds> {
         for contender in contenders.iter_mut() {
             contender.round(WARM_UP).await?;
         }
@@ -111,7 +124,9 @@ impl Contender {
     pub fn connections(&mut self) -> &mut [TcpStream] {
         &mut self.connections
     }
+}
 
+impl Contestant for Contender {
     /// Sends requests over all connections for so long.
     async fn round(&mut self, time: Duration) -> io::Result<Round> {
         let ended = Arc::new(AtomicBool::new(false));

@@ -8,6 +8,7 @@ use crate::process;
 use std::fmt::Write as _;
 use std::io::{self, BufRead, BufReader, Read, Write as _};
 use std::net::SocketAddr;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,6 +18,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::{Builder, Runtime};
 
+/// How many SMD3s [`Kind::BothFamilies`] has on TCP, and how many at pseudo-terminals.
+pub const SMD3S: usize = 2;
+
 /// The argument that makes a benchmark a server.
 const SERVE: &str = "serve";
 
@@ -25,6 +29,8 @@ const SERVE: &str = "serve";
 pub enum Kind {
     /// stepdrive.
     Stepdrive,
+    /// stepdrive with SMD3s behind the others: [`SMD3S`] on TCP, and as many at pseudo-terminals.
+    BothFamilies,
     /// Reads a request and writes a reply of the right size, and nothing more: the least that a server on tokio can do.
     Echo,
 }
@@ -34,6 +40,7 @@ impl Kind {
     pub const fn name(self) -> &'static str {
         match self {
             Kind::Stepdrive => "stepdrive",
+            Kind::BothFamilies => "both-families",
             Kind::Echo => "echo",
         }
     }
@@ -44,6 +51,7 @@ impl Kind {
 pub struct ServerProcess {
     child: Child,
     addresses: Vec<SocketAddr>,
+    terminals: Vec<String>,
 }
 
 impl ServerProcess {
@@ -69,9 +77,12 @@ impl ServerProcess {
         if let Some(output) = child.stdout.as_mut() {
             BufReader::new(output).read_line(&mut line)?;
         }
-        let addresses: Result<Vec<SocketAddr>, _> = line.split_whitespace().map(str::parse).collect();
+        let (terminals, addresses): (Vec<&str>, Vec<&str>) =
+            line.split_whitespace().partition(|place| place.starts_with('/'));
+        let terminals = terminals.into_iter().map(str::to_owned).collect();
+        let addresses: Result<Vec<SocketAddr>, _> = addresses.into_iter().map(str::parse).collect();
         match addresses {
-            Ok(addresses) if !addresses.is_empty() => Ok(ServerProcess { child, addresses }),
+            Ok(addresses) if !addresses.is_empty() => Ok(ServerProcess { child, addresses, terminals }),
             Ok(_) | Err(_) => Err(io::Error::other("the server did not say where it listens")),
         }
     }
@@ -79,6 +90,11 @@ impl ServerProcess {
     /// Where it listens.
     pub fn addresses(&self) -> &[SocketAddr] {
         &self.addresses
+    }
+
+    /// The pseudo-terminals that it serves.
+    pub fn terminals(&self) -> &[String] {
+        &self.terminals
     }
 
     /// The processor time it has used.
@@ -120,19 +136,23 @@ pub fn serve() -> io::Result<bool> {
     let (listeners, workers) = (number(listeners)?, number(workers)?);
     let runtime = Builder::new_multi_thread().worker_threads(workers).enable_all().build()?;
     if kind == Kind::Echo.name() {
-        announce_and_wait(&runtime.block_on(echo(listeners))?)?;
+        let addresses = runtime.block_on(echo(listeners))?;
+        announce_and_wait(addresses.iter().map(SocketAddr::to_string))?;
     } else {
         let state = tempfile::tempdir()?;
-        let server = stepdrive(&runtime, listeners, state.path())?;
-        let addresses: Vec<_> = server.drives().iter().filter_map(|drive| drive.modbus_tcp).collect();
-        announce_and_wait(&addresses)?;
+        let both = kind == Kind::BothFamilies.name();
+        let server = stepdrive(&runtime, listeners, both, state.path())?;
+        let addresses = server.drives().iter().filter_map(|drive| drive.modbus_tcp.or(drive.serial_tcp));
+        let terminals = server.drives().iter().filter_map(|drive| drive.serial.as_ref());
+        let terminals = terminals.map(|path| path.display().to_string());
+        announce_and_wait(addresses.map(|address| address.to_string()).chain(terminals))?;
     }
     Ok(true)
 }
 
-fn announce_and_wait(addresses: &[SocketAddr]) -> io::Result<()> {
-    let addresses: Vec<String> = addresses.iter().map(SocketAddr::to_string).collect();
-    writeln!(io::stdout(), "{}", addresses.join(" "))?;
+fn announce_and_wait(places: impl Iterator<Item = String>) -> io::Result<()> {
+    let places: Vec<String> = places.collect();
+    writeln!(io::stdout(), "{}", places.join(" "))?;
     io::stdin().read_to_end(&mut Vec::new())?;
     Ok(())
 }
@@ -141,8 +161,8 @@ fn announce_and_wait(addresses: &[SocketAddr]) -> io::Result<()> {
 /// taken.
 const PER_ADDRESS: usize = 1000;
 
-/// Drives without mechanics, each on a free port.
-fn stepdrive(runtime: &Runtime, drives: usize, state: &std::path::Path) -> io::Result<Server> {
+/// Drives without mechanics, each on a free port; with SMD3s where `both` families are wanted.
+fn stepdrive(runtime: &Runtime, drives: usize, both: bool, state: &Path) -> io::Result<Server> {
     let mut text = String::new();
     for number in 0..drives {
         let host = 1 + number / PER_ADDRESS;
@@ -150,6 +170,11 @@ fn stepdrive(runtime: &Runtime, drives: usize, state: &std::path::Path) -> io::R
             text,
             "[[drive]]\nname = \"drive{number}\"\nmodel = \"SMSD-4.2LAN\"\nmodbus_tcp = \"127.0.0.{host}:0\"\n"
         );
+    }
+    for number in 0..if both { SMD3S } else { 0 } {
+        for (name, port) in [("line", "serial_tcp = \"127.0.0.1:0\""), ("usb", "serial = \"pty\"")] {
+            let _ = write!(text, "[[drive]]\nname = \"{name}{number}\"\nmodel = \"SMD3\"\n{port}\n");
+        }
     }
     let rig = RigFile::parse(&text).map_err(io::Error::other)?;
     let notify = Arc::new(|notice| eprintln!("{notice}"));
