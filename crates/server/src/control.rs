@@ -116,9 +116,11 @@ impl Control {
         let _turn = self.turn.lock().await;
         self.set_clock(ClockMode::Paused);
         let end = self.now() + within;
-        let moved = match until {
-            Until::Time => self.run_to(end).await,
-            Until::Idle | Until::Condition(_) => self.run_until(until.goal(), end).await?,
+        let moved = match (self.run_until(until.goal(), end).await, until) {
+            (Some(moved), Until::Time) => Moved { reached: moved.now >= end, ..moved },
+            (Some(moved), Until::Idle | Until::Condition(_)) => moved,
+            (None, Until::Time) => self.play_to(end).await,
+            (None, Until::Idle | Until::Condition(_)) => return None,
         };
         self.world.write(|| Entry::new(moved.now, Happened::Clock(format!("stepped to {}", moved.now))));
         Some(moved)
@@ -168,7 +170,8 @@ impl Control {
         });
     }
 
-    async fn run_to(&self, end: Instant) -> Moved {
+    /// Lets the scenario that is played bring the rig to `end`.
+    async fn play_to(&self, end: Instant) -> Moved {
         while self.jump_to(end) {
             let behind = self.world.visit_all(|groups| groups.iter().any(|group| group.now() < end));
             if !behind {
@@ -184,6 +187,8 @@ impl Control {
         self.now() >= to && self.clock() == ClockMode::Paused || self.world.clock().jump_to(to).is_ok()
     }
 
+    /// The clock follows the machines, so that whoever visits them meanwhile finds them up to its time. `None` while a
+    /// scenario is played.
     async fn run_until(&self, goal: Goal<'_>, end: Instant) -> Option<Moved> {
         loop {
             let arrival = self.world.visit_unplayed(|groups| {
