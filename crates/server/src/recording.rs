@@ -5,7 +5,7 @@
 //! says it at length.
 //!
 //! What happens to a group at one time happens in this order: all that was due by then, then the entries, with whatever
-//! became due between two of them: see [`crate::world::World::visit`].
+//! became due between two of them: see `World::visit`.
 
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error as _, IgnoredAny, MapAccess, Visitor};
@@ -144,9 +144,9 @@ pub enum Happened {
     Clock(String),
     /// The end: all groups were brought to this time.
     End {
-        /// The state of the rig then; see [`state_digest`].
+        /// The state of the rig then; see `state_digest`.
         state: String,
-        /// The sum of all that was written; see [`Sum`].
+        /// The sum of all that was written; see `Sum`.
         sum: String,
     },
 }
