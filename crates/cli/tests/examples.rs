@@ -6,7 +6,9 @@ use std::path::Path;
 use std::time::Duration;
 use stepdrive_asm::{Image, SourceFile, assemble};
 use stepdrive_drive::smsd::Smsd;
+use stepdrive_rig::any::AnyMachine;
 use stepdrive_rig::file::{DEMO, RigFile};
+use stepdrive_rig::group::Group;
 use stepdrive_rig::machine::Machine;
 use stepdrive_rig::simulation::{End, Signal, Simulation, State, Step, What};
 use stepdrive_spec::smsd::inputs::Input;
@@ -169,42 +171,30 @@ fn retry_is_content_with_a_confirmed_part() {
     assert!(!end(&steps).1.relay);
 }
 
-/// Two machines whose relays are wired to each other's CONTINUE input.
-struct Pair {
-    axes: [Machine<Smsd>; 2],
-    now: Instant,
-}
-
-impl Pair {
-    /// Lets the next thing happen on one of them, and carries the relays over.
-    fn step(&mut self) {
-        let wake = self.axes.iter().filter_map(Machine::next_wake).min();
-        self.now = wake.expect("neither waits for ever");
-        for axis in &mut self.axes {
-            axis.advance(self.now);
-        }
-        let relays = [0, 1].map(|axis| self.axes[axis].drive().relay());
-        for (axis, other) in [(0, 1), (1, 0)] {
-            self.axes[axis].set_signal(self.now, Input::Continue, relays[other]);
-        }
-    }
-
-    fn places(&self) -> [i32; 2] {
-        [0, 1].map(|axis| self.axes[axis].drive().position(self.now))
-    }
+/// Two controllers whose relays are wired to each other's CONTINUE input, each with its example running.
+fn pair(examples: [&str; 2]) -> Group {
+    let drive = |name| {
+        format!("[[drive]]\nname = \"{name}\"\nmodel = \"SMSD-4.2LAN\"\nmodbus_tcp = \"127.0.0.1:0\"\n")
+    };
+    let wire = |from, to| format!("[[wire]]\nfrom = \"{from}.relay\"\nto = \"{to}.CONTINUE\"\n");
+    let rig = [drive("a"), drive("b"), wire("a", "b"), wire("b", "a")].concat();
+    let rig = RigFile::parse(&rig).expect("a valid rig");
+    let machines = examples.map(|example| AnyMachine::Smsd(Box::new(machine(ENDLESS, &image(example)))));
+    Group::new(machines.into_iter().enumerate().collect(), &rig.wires, rig.seed)
 }
 
 #[test]
 fn the_leader_and_the_follower_meet_after_every_move() {
-    let axes = ["step-together-leader.smsd", "step-together-follower.smsd"];
-    let mut pair = Pair { axes: axes.map(|example| machine(ENDLESS, &image(example))), now: Instant::ZERO };
+    let mut pair = pair(["step-together-leader.smsd", "step-together-follower.smsd"]);
     let mut meetings = Vec::new();
     let mut were_together = false;
     while meetings.len() < 22 {
-        pair.step();
-        let together = pair.axes.iter().all(|axis| axis.drive().relay());
+        let wake = pair.next_wake().expect("neither waits for ever");
+        let now = pair.advance(wake, &mut u32::MAX.clone());
+        let axes = [0, 1].map(|axis| pair.members()[axis].machine().smsd().expect("an SMSD").drive());
+        let together = axes.iter().all(|axis| axis.relay());
         if together && !were_together {
-            meetings.push(pair.places());
+            meetings.push(axes.map(|axis| axis.position(now)));
         }
         were_together = together;
     }
