@@ -97,7 +97,8 @@ enum Command {
 
 #[derive(Debug, clap::Args)]
 struct UpArgs {
-    /// The rig file; without one, the built-in demo rig: an SMSD-4.2LAN named `stage` on 127.0.0.1:5020.
+    /// The rig file; without one, the built-in demo rig: an SMSD-4.2LAN named `stage` on 127.0.0.1:5020, and an SMD3 named
+    /// `uhv`.
     rig: Option<PathBuf>,
     /// Print one line of JSON when everything is up, and nothing else, on stdout.
     #[arg(long)]
