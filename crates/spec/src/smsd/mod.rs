@@ -10,5 +10,6 @@ pub mod models;
 pub mod powerstep01;
 pub mod registers;
 pub mod ring;
+pub mod standard;
 pub mod status;
 pub mod timing;
