@@ -2,11 +2,13 @@
 //!
 //! cargo-fuzz calls them with bytes it makes up (`fuzz_targets/`), and `tests/replay.rs` with those kept in `corpus/`.
 
+mod packets;
 mod program;
 mod recording;
 mod smd3;
 mod smsd;
 
+pub use packets::smsd_packets;
 pub use program::program_text;
 pub use recording::recording;
 pub use smd3::smd3_lines;
@@ -31,6 +33,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("recording", recording),
     ("smd3_lines", smd3_lines),
     ("smsd_drive", smsd_drive),
+    ("smsd_packets", smsd_packets),
 ];
 
 /// Words of user programs, 4 bytes each, low byte first: a word that is an instruction is that instruction's word.

@@ -3,7 +3,7 @@
 //!
 //! The values on the other side of the bytes are those of [`stepdrive_spec`]. This crate knows no controller: whether
 //! a register exists is not its business. It is `no_std`, allocates nothing, keeps nothing between calls but the start of
-//! a line of text, reads no clock and does no I/O; whatever bytes a peer sends, it answers with a value and never panics.
+//! a line of text or of a packet, reads no clock and does no I/O; whatever bytes a peer sends, it answers with a value and never panics.
 #![no_std]
 #![cfg_attr(
     not(test),
@@ -12,3 +12,4 @@
 
 pub mod modbus;
 pub mod smd3;
+pub mod smsd;

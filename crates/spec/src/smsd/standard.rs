@@ -443,6 +443,25 @@ pub enum Reply {
     Versions(Versions),
 }
 
+/// A packet that carries no request, and what it is answered with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Malformed {
+    /// The packet as such is wrong, [`Code::ErrorLen`] or [`Code::ErrorXor`]; answered whoever is logged in.
+    Packet(Code),
+    /// Its content is wrong: an unknown type, or data of a length that the type does not have. Answered
+    /// [`Code::ErrorAccess`] as long as nobody has logged in.
+    Content(Code),
+}
+
+impl Malformed {
+    /// What it is answered with once somebody has logged in.
+    pub const fn code(self) -> Code {
+        match self {
+            Malformed::Packet(code) | Malformed::Content(code) => code,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
