@@ -10,13 +10,16 @@
 //! | 7 | coils: address (2), how many (1, 1 to 8), their values (1) |
 //! | 8 to 9 | `CMD` with its parameters: speed (2), position (3), input (1), code (1) |
 //! | 10 | an input: its number in bits 6:4, its level in bit 7 |
-//! | 11 | the other of two connections asks from here on |
+//! | 11 with bits 5:4 = 0 | the other of two connections asks from here on |
+//! | 11 with 1 | an instruction by the standard protocol: its word (4, low byte first) |
+//! | 11 with 2 | a program by the standard protocol for the memory in bits 7:6: how many words (1, modulo 32), the words |
+//! | 11 with 3 | by the standard protocol, as bits 7:6 say: a program is read, the LAN parameters, the counters, a login |
 //! | 12 to 15 | time: 16 to the power of bits 6:4, times a byte (1), in nanoseconds; at most four seconds |
 //!
-//! Both connections are authorised at first. What is cut off at the end of the bytes does not happen.
+//! It begins a second after power-up. Both connections are authorised at first, and so is the line of the standard protocol. What is cut off at the end of the bytes does not happen.
 
 use core::time::Duration;
-use stepdrive_drive::smsd::{Config, Memory, Session, Smsd, WordOrder};
+use stepdrive_drive::smsd::{Config, Memory, Session, Smsd, StandardSession, WordOrder};
 use stepdrive_rig::machine::Machine;
 use stepdrive_rig::mechanics::{Mechanics, Switch, Travel};
 use stepdrive_spec::modbus::{Reply, Request, Table};
@@ -24,6 +27,7 @@ use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::ring;
+use stepdrive_spec::smsd::standard::{self, Firmware, VERSION_2};
 use stepdrive_spec::smsd::status::MotStatus;
 use stepdrive_spec::time::Instant;
 
@@ -44,10 +48,13 @@ const LONGEST: u64 = 4_000_000_000;
 /// The most time that passes in all.
 const END: Instant = Instant::from_nanos(60_000_000_000);
 
+const PASSWORD: u64 = 0x0123_4567_89AB_CDEF;
+
 /// Something that happens.
 #[allow(clippy::large_enum_variant, reason = "there is one at a time")]
 enum Happening {
     Request(Request),
+    Standard(standard::Request),
     Signal(Input, bool),
     OtherConnection,
     Pass(Duration),
@@ -112,7 +119,8 @@ fn take(rest: &mut &[u8]) -> Option<Happening> {
             let input = Input::from_number(bits(3).into())?;
             return Some(Happening::Signal(input, first & 0x80 != 0));
         }
-        11 => return Some(Happening::OtherConnection),
+        11 if bits(2) == 0 => return Some(Happening::OtherConnection),
+        11 => return take_standard(rest, bits(2), first >> 6).map(Happening::Standard),
         _ => {
             let [count] = *chunk(rest)?;
             let nanos = (u64::from(count) << (4 * bits(3))).min(LONGEST);
@@ -134,6 +142,22 @@ fn take_read(rest: &mut &[u8], table: u8) -> Option<Request> {
     })
 }
 
+/// A request by the standard protocol of this kind; `which` says more of it.
+fn take_standard(rest: &mut &[u8], kind: u8, which: u8) -> Option<standard::Request> {
+    Some(match (kind, which) {
+        (1, _) => standard::Request::Command(u32::from_le_bytes(*chunk(rest)?)),
+        (2, area) => {
+            let [count] = *chunk(rest)?;
+            let words = (0..count % 32).map_while(|_| chunk(rest).map(|word| u32::from_le_bytes(*word)));
+            standard::Request::WriteMemory { area, words: words.collect() }
+        }
+        (_, 0) => standard::Request::ReadMemory { area: 0 },
+        (_, 1) => standard::Request::GetLan,
+        (_, 2) => standard::Request::GetErrors,
+        _ => standard::Request::Authorise(PASSWORD),
+    })
+}
+
 fn chunk<'a, const N: usize>(rest: &mut &'a [u8]) -> Option<&'a [u8; N]> {
     let (chunk, behind) = rest.split_first_chunk()?;
     *rest = behind;
@@ -145,19 +169,30 @@ struct Stage {
     machine: Machine<Smsd>,
     session: Session,
     other: Session,
+    standard: StandardSession,
     now: Instant,
 }
 
 impl Stage {
     fn power_up() -> Stage {
-        let config =
-            Config { model: Model::Smsd42, word_order: WordOrder::LowFirst, port: 502, autonomous: true };
+        let config = Config {
+            model: Model::Smsd42,
+            word_order: WordOrder::LowFirst,
+            port: 502,
+            autonomous: true,
+            firmware: Firmware::Modbus,
+            protocol_version: VERSION_2,
+        };
         let switches = SWITCHES.iter().filter_map(|(input, closed)| Switch::new(*input, *closed)).collect();
         let mechanics = Mechanics::new(Travel::between(TRAVEL), 0.0);
         let machine = Machine::power_up(mechanics, switches, |signals| {
             Smsd::power_up(Instant::ZERO, config, Memory::factory(), signals.to_le_bytes()[0])
         });
-        let mut stage = Stage { machine, session: Session::new(), other: Session::new(), now: Instant::ZERO };
+        let (session, other, standard) = (Session::new(), Session::new(), StandardSession::lan());
+        let mut stage = Stage { machine, session, other, standard, now: Instant::ZERO };
+        stage.happen(&Happening::Pass(standard::AUTHORISATION_REST));
+        stage.standard(&standard::Request::Authorise(PASSWORD));
+        assert!(stage.standard.is_authorised());
         for _ in 0..2 {
             let values = [0xCDEF, 0x89AB, 0x4567, 0x0123, 0].into_iter().collect();
             let address = Reg::PasswordLow32.info().address;
@@ -170,6 +205,7 @@ impl Stage {
     fn happen(&mut self, happening: &Happening) {
         match happening {
             Happening::Request(request) => self.request(request),
+            Happening::Standard(request) => self.standard(request),
             Happening::Signal(input, present) => self.machine.set_signal(self.now, *input, *present),
             Happening::OtherConnection => core::mem::swap(&mut self.session, &mut self.other),
             Happening::Pass(time) => {
@@ -191,7 +227,7 @@ impl Stage {
     }
 
     fn request(&mut self, request: &Request) {
-        self.machine.advance(self.now);
+        self.look_at_the_rotor();
         let before = self.sight();
         let outcome = self.machine.handle(self.now, &mut self.session, request);
         let counts = match (request, &outcome) {
@@ -204,7 +240,28 @@ impl Stage {
         if !matches!(outcome, Ok(Reply::Written)) {
             assert_eq!(self.sight(), before, "{request:?}");
         }
-        // Whoever stores and listens takes what is there.
+        self.take_what_is_there();
+    }
+
+    fn standard(&mut self, request: &standard::Request) {
+        self.look_at_the_rotor();
+        let before = self.sight();
+        let reply = self.machine.handle_standard(self.now, &mut self.standard, Ok(request));
+        let reply = reply.expect("STOP_USB does not silence a line over LAN");
+        let login = matches!(request, standard::Request::Authorise(_));
+        if !login && !matches!(reply, standard::Reply::Powerstep01(_)) && !done(&reply) {
+            assert_eq!(self.sight(), before, "{request:?}");
+        }
+        self.take_what_is_there();
+    }
+
+    /// A stall that has begun meanwhile is counted before something is asked.
+    fn look_at_the_rotor(&mut self) {
+        self.machine.change(self.now, |_| ());
+    }
+
+    /// Whoever stores and listens takes what is there.
+    fn take_what_is_there(&mut self) {
         while self.machine.drive_mut().poll_event().is_some() {}
         while self.machine.drive_mut().take_unsaved().is_some() {}
     }
@@ -212,7 +269,8 @@ impl Stage {
     /// All that the drive, the connections and the carriage are.
     fn sight(&self) -> String {
         let (drive, place) = (self.machine.drive(), self.machine.carriage(self.now));
-        format!("{drive:?} {:?} {:?} {place} {:?}", self.session, self.other, self.machine.next_wake())
+        let sessions = (&self.session, &self.other, &self.standard);
+        format!("{drive:?} {sessions:?} {place} {:?}", self.machine.next_wake())
     }
 
     fn check(&self) {
@@ -220,8 +278,8 @@ impl Stage {
         assert!(self.machine.next_wake().is_none_or(|at| at >= now));
         let (status, speed) = (drive.status(now), drive.speed(now));
         assert!((ring::MIN..=ring::MAX).contains(&drive.position(now)));
-        assert!((0.0..=15_625.0).contains(&speed), "{speed}");
-        assert!(speed <= 0.0 || status.motion != MotStatus::Stopped);
+        assert!((0.0..=15_625.0).contains(&speed) || is_step(speed), "{speed}");
+        assert!(speed <= 0.0 || status.motion != MotStatus::Stopped || is_step(speed));
         assert!(!status.hi_z || (status.motion == MotStatus::Stopped && status.ready));
         let place = self.machine.carriage(now);
         assert!((TRAVEL[0]..=TRAVEL[1]).contains(&place), "{place}");
@@ -251,4 +309,14 @@ impl Stage {
         assert_eq!(flags[1..5], motion.map(is));
         assert_eq!(flags[5..], [status.ready, status.sw_f, status.sw_evn, status.forward, status.cmd_error]);
     }
+}
+
+/// Whether this is the speed of a step by the step input, in whichever microstep mode.
+fn is_step(speed: f64) -> bool {
+    (0..=7).any(|mode| speed.to_bits() == (4e6 / f64::from(1 << mode)).to_bits())
+}
+
+/// Whether something was set or stored.
+fn done(reply: &standard::Reply) -> bool {
+    matches!(reply, standard::Reply::Response(answer) if !answer.code.is_error())
 }

@@ -6,6 +6,7 @@ use core::fmt::Debug;
 use stepdrive_motion::Direction;
 use stepdrive_spec::smd3;
 use stepdrive_spec::smsd::inputs::Input;
+use stepdrive_spec::smsd::standard::Counter;
 use stepdrive_spec::time::Instant;
 
 /// Units of the rotor's place to the full step: the finest microstep of either family.
@@ -46,6 +47,13 @@ pub trait Controller {
     /// The instant at which the rotor, as it turns now, first reaches or passes `place`; `None` when it will not before
     /// the next wake-up changes its course.
     fn when_rotor_reaches(&self, place: i64) -> Option<Instant>;
+
+    /// Where the rotor will be when the motion in progress ends as it is planned, if nothing holds it; `None` when there is
+    /// none, and of a run.
+    fn destination(&self) -> Option<i64>;
+
+    /// The rotor has begun to stay behind what it is driven: something holds it. A controller may notice.
+    fn note_stall(&mut self) {}
 
     /// All quantities with their names, which are unique whatever their case, in the order of the makers' tables.
     fn quantities() -> impl Iterator<Item = (&'static str, Self::Quantity)>;
@@ -147,6 +155,14 @@ impl Controller for Smsd {
         Smsd::when_rotor_reaches(self, place)
     }
 
+    fn destination(&self) -> Option<i64> {
+        Smsd::destination(self)
+    }
+
+    fn note_stall(&mut self) {
+        self.count(Counter::StallPowerstep01);
+    }
+
     fn quantities() -> impl Iterator<Item = (&'static str, smsd_drive::Quantity)> {
         smsd_drive::Quantity::all()
     }
@@ -210,6 +226,10 @@ impl Controller for Smd3 {
 
     fn when_rotor_reaches(&self, place: i64) -> Option<Instant> {
         Smd3::when_rotor_reaches(self, place)
+    }
+
+    fn destination(&self) -> Option<i64> {
+        Smd3::destination(self)
     }
 
     fn quantities() -> impl Iterator<Item = (&'static str, smd3_drive::Quantity)> {

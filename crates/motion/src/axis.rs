@@ -167,6 +167,16 @@ impl Axis {
         self.goal
     }
 
+    /// The count at which the motion in progress, or one that waits for its turn, will stand as it is planned; `None` when
+    /// there is none, and of a run.
+    pub fn destination(&self) -> Option<i64> {
+        match (self.goal, &self.leg) {
+            (Goal::MoveTo(target), _) => Some(target),
+            (Goal::Stand, Some(leg)) => leg.end().map(|end| leg.count(end)),
+            (Goal::Stand, None) | (Goal::Run { .. }, _) => None,
+        }
+    }
+
     /// Whether the axis stands with nothing left to do. The standstill at a reversal is not that.
     pub fn is_standing(&self) -> bool {
         self.leg.is_none() && self.resume.is_none()

@@ -320,3 +320,19 @@ fn the_end_of_the_clock_and_of_the_counts_is_met_without_panic() {
     axis.handle_wake(Instant::FAR_FUTURE);
     assert_eq!(axis.next_wake(), None);
 }
+
+#[test]
+fn the_destination_is_where_the_axis_will_stand_if_it_ever_does() {
+    let mut axis = Axis::new(100);
+    assert_eq!(axis.destination(), None);
+    axis.move_to(Instant::ZERO, 3600, &LIMITS);
+    assert_eq!(axis.destination(), Some(3600));
+    axis.move_to(ms(1000), 0, &LIMITS);
+    assert_eq!(axis.destination(), Some(0), "though it still has to turn round");
+    axis.run(ms(1000), Direction::Forward, 1000.0, &LIMITS);
+    assert_eq!(axis.destination(), None);
+    axis.brake(ms(2000), &LIMITS);
+    let braked = axis.destination().expect("it comes to a standstill");
+    drain(&mut axis);
+    assert_eq!((axis.count(ms(60_000)), axis.destination()), (braked, None));
+}

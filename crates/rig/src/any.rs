@@ -181,6 +181,11 @@ impl AnyMachine {
         }
     }
 
+    /// See [`Machine::destination`].
+    pub fn destination(&self, now: Instant) -> Option<f64> {
+        either!(self, machine => machine.destination(now))
+    }
+
     /// What survives power-off, as byte strings; see [`Controller::for_each_record`].
     pub fn for_each_record(&self, field: &mut dyn FnMut(&[u8])) {
         either!(self, machine => machine.drive().for_each_record(field));

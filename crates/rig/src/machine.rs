@@ -1,15 +1,16 @@
 //! A controller and what hangs on it, driven as one.
 
 use crate::contacts::{Contacts, SwitchFault};
-use crate::mechanics::{Mechanics, Switch};
+use crate::mechanics::{Mechanics, Switch, Way};
 use crate::pulses::{Pulses, Train};
 use alloc::vec::Vec;
 use stepdrive_drive::controller::{Controller, ROTOR_UNITS, Signal};
 use stepdrive_drive::smd3::Smd3;
-use stepdrive_drive::smsd::{Session, Smsd};
+use stepdrive_drive::smsd::{Session, Smsd, StandardSession};
 use stepdrive_spec::modbus::{Exception, Reply, Request};
 use stepdrive_spec::smd3::commands as smd3_commands;
 use stepdrive_spec::smd3::errors::Error;
+use stepdrive_spec::smsd::standard;
 use stepdrive_spec::time::Instant;
 
 /// A controller of either family with its motor, mechanics and switches.
@@ -39,6 +40,8 @@ pub struct Machine<C: Controller> {
     forced_to: u16,
     /// What the controller was last told, a bit each.
     levels: u16,
+    /// The rotor is held while it is driven, as far as the mechanics have followed.
+    held: bool,
     /// When something next happens by itself; kept up to date so that a read costs one comparison.
     wake: Option<Instant>,
 }
@@ -59,6 +62,16 @@ impl Machine<Smsd> {
             return self.drive.handle(now, session, request);
         }
         self.change(now, |drive| drive.handle(now, session, request))
+    }
+
+    /// Answers a packet of the standard protocol at `now`; see [`Smsd::handle_standard`].
+    pub fn handle_standard(
+        &mut self,
+        now: Instant,
+        session: &mut StandardSession,
+        request: Result<&standard::Request, standard::Malformed>,
+    ) -> Option<standard::Reply> {
+        self.change(now, |drive| drive.handle_standard(now, session, request))
     }
 }
 
@@ -92,6 +105,7 @@ impl<C: Controller> Machine<C> {
             forced: 0,
             forced_to: 0,
             levels: closed,
+            held: false,
             wake: None,
         };
         machine.plan_wake(Instant::ZERO);
@@ -106,7 +120,7 @@ impl<C: Controller> Machine<C> {
     /// Does something to the controller at `now`: brings it up to its time, and finds out afterwards what comes next.
     pub fn change<R>(&mut self, now: Instant, act: impl FnOnce(&mut C) -> R) -> R {
         self.advance(now);
-        self.mechanics.follow(self.drive.rotor(now));
+        self.follow(now);
         let outcome = act(&mut self.drive);
         self.plan_wake(now);
         outcome
@@ -152,7 +166,7 @@ impl<C: Controller> Machine<C> {
     /// Holds the rotor where it is from `now` on, whatever the motor does, or lets it go. The steps meanwhile are lost.
     pub fn block_rotor(&mut self, now: Instant, blocked: bool) {
         self.advance(now);
-        self.mechanics.follow(self.drive.rotor(now));
+        self.follow(now);
         self.mechanics.block(blocked);
         self.plan_wake(now);
     }
@@ -170,7 +184,7 @@ impl<C: Controller> Machine<C> {
     pub fn switch_on(&mut self, now: Instant) {
         self.advance(now);
         if !self.powered {
-            self.mechanics.follow(self.drive.rotor(now));
+            self.follow(now);
             self.powered = true;
             self.drive.switch_on(now, self.levels);
             self.mechanics.restart(self.drive.rotor(now));
@@ -211,6 +225,13 @@ impl<C: Controller> Machine<C> {
         self.place(now) as f64 / ROTOR_UNITS as f64
     }
 
+    /// Where the carriage will be when the motion at `now` ends as it is planned, in full steps on its travel, or beyond its
+    /// end when nothing but that will stop it; `None` when there is no motion, and of a run.
+    pub fn destination(&self, now: Instant) -> Option<f64> {
+        let left = self.drive.destination().filter(|_| self.powered)?.saturating_sub(self.drive.rotor(now));
+        Some(self.place(now).saturating_add(left) as f64 / ROTOR_UNITS as f64)
+    }
+
     /// Whether the rotor is being driven against an end of the travel at `now`, or is held.
     pub fn stalled(&self, now: Instant) -> bool {
         self.drive.speed(now) > 0.0 && self.mechanics.stalled(self.drive.rotor(now), self.drive.direction())
@@ -234,14 +255,29 @@ impl<C: Controller> Machine<C> {
     /// Changes what is wired to the inputs at `now`, and tells the controller.
     fn rewire(&mut self, now: Instant, act: impl FnOnce(&mut Machine<C>)) {
         self.advance(now);
-        self.mechanics.follow(self.drive.rotor(now));
+        self.follow(now);
         act(self);
         self.signal(now);
         self.plan_wake(now);
     }
 
+    /// Takes the carriage along to where the rotor is at `now`, and tells the controller of a stall that has begun: steps
+    /// are lost, after the rotor went freely or stood.
+    fn follow(&mut self, now: Instant) {
+        let way = self.mechanics.follow(self.drive.rotor(now));
+        if way == Way::CutShort || (way == Way::Held && !self.held) {
+            self.drive.note_stall();
+        }
+        self.held = match way {
+            Way::None => self.held,
+            Way::Free => false,
+            Way::CutShort | Way::Held => true,
+        };
+        self.held &= self.drive.speed(now) > 0.0;
+    }
+
     fn wake_up(&mut self, at: Instant) {
-        self.mechanics.follow(self.drive.rotor(at));
+        self.follow(at);
         self.pulses.advance(at);
         self.signal(at);
         if self.powered {

@@ -68,6 +68,19 @@ fn ahead(from: i64, to: i64, direction: Direction) -> bool {
     }
 }
 
+/// How a carriage followed its rotor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// The rotor was not driven.
+    None,
+    /// All the way.
+    Free,
+    /// At first, and then not: the last steps were lost.
+    CutShort,
+    /// Not at all: every step was lost.
+    Held,
+}
+
 /// A carriage that follows the rotor between the ends of its travel.
 ///
 /// At an end it stays while the rotor is driven further: the rotor stalls and the steps are lost. It comes away as soon
@@ -103,10 +116,18 @@ impl Mechanics {
         self.clamp(self.place.saturating_add(rotor.saturating_sub(self.rotor)))
     }
 
-    /// Takes the carriage along to where the rotor is now.
-    pub fn follow(&mut self, rotor: i64) {
-        self.place = self.place(rotor);
-        self.rotor = rotor;
+    /// Takes the carriage along to where the rotor is now, and says how it went.
+    pub fn follow(&mut self, rotor: i64) -> Way {
+        let place = self.place(rotor);
+        let driven = rotor.saturating_sub(self.rotor);
+        let gone = place.saturating_sub(self.place);
+        (self.place, self.rotor) = (place, rotor);
+        match (driven, gone) {
+            (0, _) => Way::None,
+            (_, 0) => Way::Held,
+            _ if driven == gone => Way::Free,
+            _ => Way::CutShort,
+        }
     }
 
     /// Holds the carriage where it was last taken along to, or lets it go.
@@ -165,6 +186,16 @@ mod tests {
         assert!(stage.stalled(15 * STEP, Forward));
         assert_eq!(stage.place(12 * STEP), 7 * STEP);
         assert!(!stage.stalled(15 * STEP, Reverse));
+    }
+
+    #[test]
+    fn steps_beyond_an_end_are_lost_and_told() {
+        let mut stage = stage();
+        assert_eq!(stage.follow(10 * STEP), Way::Free);
+        assert_eq!(stage.follow(10 * STEP), Way::None);
+        assert_eq!(stage.follow(10 * STEP + 1), Way::Held);
+        assert_eq!(stage.follow(10 * STEP), Way::Free);
+        assert_eq!(stage.follow(-11 * STEP), Way::CutShort);
     }
 
     #[test]

@@ -290,6 +290,12 @@ impl Smd3 {
         self.ramp.when_rotor_reaches(place)
     }
 
+    /// Where the rotor will be when the motion in progress, or the one that waits, ends as it is planned, if nothing holds
+    /// it; `None` when there is none, and of a run.
+    pub fn destination(&self) -> Option<i64> {
+        self.ramp.destination()
+    }
+
     /// The temperature of the winding at `now`, °C, whatever the sensor shows.
     pub fn temperature(&self, now: Instant) -> f64 {
         self.winding.temperature(now)

@@ -291,6 +291,12 @@ impl Ramp {
         self.axis.when_reaches(place)
     }
 
+    /// The rotor's units when the motion in progress, or one that waits for the end of the rest, ends as it is planned;
+    /// `None` when there is none, and of a run.
+    pub(super) fn destination(&self) -> Option<i64> {
+        self.waiting.or_else(|| self.axis.destination())
+    }
+
     /// `PACT` in full steps.
     pub(super) fn position(&self, now: Instant) -> f64 {
         wrap(self.axis.count(now).saturating_sub(self.zero)) as f64 / UNITS as f64

@@ -11,6 +11,7 @@ use stepdrive_spec::smsd::instructions::{Opcode, Operand};
 use stepdrive_spec::smsd::mode::MotorConfiguration;
 use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::ring;
+use stepdrive_spec::smsd::standard::Counter;
 use stepdrive_spec::smsd::timing::{CALL_DEPTH, LOOP_DEPTH};
 use stepdrive_spec::time::Instant;
 
@@ -100,6 +101,13 @@ pub enum Why {
     TooManyLoops,
 }
 
+impl Why {
+    /// Whether its operand is why: it would not be carried out in any state.
+    pub(super) fn is_operand(self) -> bool {
+        matches!(self, Why::OutOfRange { .. } | Why::NoSuchInput(_) | Why::NoSuchMode)
+    }
+}
+
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(place) = self.place {
@@ -158,14 +166,19 @@ impl Smsd {
         }
     }
 
-    /// Sets `CMD_ERROR`, and tells the world if it was clear before.
+    /// Sets `CMD_ERROR`, counts, and tells the world if the flag was clear before.
     pub(super) fn refuse(&mut self, refusal: Refusal) {
+        self.count(Counter::CommandPowerstep01);
+        if refusal.place.is_some() {
+            self.count(Counter::WorkProgram);
+        }
         if self.motor.raise_command_error() {
             self.refusal = Some(refusal);
         }
     }
 
-    /// Carries out a command, or an instruction of a program that acts on the motor or the controller.
+    /// Carries out a command, or an instruction that acts on the motor or the controller. What is wrong with the operand is
+    /// found before what the motor's state does not allow.
     #[allow(clippy::too_many_lines, reason = "one line an instruction, in the order of what they do")]
     pub(super) fn execute(&mut self, now: Instant, opcode: Opcode, operand: i32) -> Result<(), Why> {
         match opcode {
@@ -290,22 +303,19 @@ impl Smsd {
         operand: i32,
         parameter: impl FnOnce(&mut Parameters) -> &mut u16,
     ) -> Result<(), Why> {
+        let _: u16 = number(opcode, operand)?;
         self.standing(now)?;
         self.set(now, opcode, operand, parameter)
     }
 
     /// `SET_MODE`.
     fn set_mode(&mut self, now: Instant, data: u32) -> Result<(), Why> {
+        let mode = MotorConfiguration::from_data(data);
+        if !self.fits(Reg::MotorType, mode.motor_type) || !self.fits(Reg::WorkCurrent, mode.work_current) {
+            return Err(Why::NoSuchMode);
+        }
         if self.motor.energised() {
             return Err(Why::Energised);
-        }
-        let mode = MotorConfiguration::from_data(data);
-        let fits = |reg: Reg, value: u16| {
-            let (min, max) = reg.info().range(self.config.model);
-            (min..=max).contains(&i64::from(value))
-        };
-        if !fits(Reg::MotorType, mode.motor_type) || !fits(Reg::WorkCurrent, mode.work_current) {
-            return Err(Why::NoSuchMode);
         }
         self.configure_motor(now, |present| *present = mode);
         Ok(())

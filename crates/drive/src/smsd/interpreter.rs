@@ -103,6 +103,11 @@ impl Interpreter {
         self.running.is_some()
     }
 
+    /// The memory area that is executing.
+    pub(super) fn executing(&self) -> Option<u8> {
+        self.is_running().then_some(self.place.area)
+    }
+
     /// How many instructions have run since power-up.
     pub(super) fn executed(&self) -> u64 {
         self.executed
@@ -214,11 +219,7 @@ impl Smsd {
             Opcode::StartProgramMem2 => Flow::Restart(2),
             Opcode::StartProgramMem3 => Flow::Restart(3),
             opcode => {
-                let operand = match opcode.info().operand {
-                    Operand::Position => instruction.position(),
-                    _ => instruction.data.cast_signed(),
-                };
-                self.execute(now, opcode, operand)?;
+                self.execute(now, opcode, operand(instruction))?;
                 // What is left are motions, which `CMD` takes as well, and settings, which hold nothing.
                 let hold = if opcode.info().in_cmd { Hold::Ready } else { Hold::None };
                 Flow::On(INSTRUCTION_TIME, hold)
@@ -231,8 +232,14 @@ impl Smsd {
 /// On with the next line after an instruction's own time.
 const ON: Flow = Flow::On(INSTRUCTION_TIME, Hold::None);
 
+/// The operand of an instruction, as [`Smsd::execute`] takes it.
+pub(super) fn operand(instruction: Instruction) -> i32 {
+    let signed = instruction.opcode.info().operand == Operand::Position;
+    if signed { instruction.position() } else { instruction.data.cast_signed() }
+}
+
 /// The time of a wait.
-fn wait(instruction: Instruction) -> Result<Duration, Why> {
+pub(super) fn wait(instruction: Instruction) -> Result<Duration, Why> {
     let milliseconds: u32 = number(instruction.opcode, instruction.data.cast_signed())?;
     Ok(Duration::from_millis(u64::from(milliseconds)).max(INSTRUCTION_TIME))
 }

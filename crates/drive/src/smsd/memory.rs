@@ -101,9 +101,8 @@ pub struct Memory {
 impl Memory {
     /// As it leaves the factory.
     pub fn factory() -> Memory {
-        let half = |reg: Reg| u64::from(u32::try_from(reg.info().default).unwrap_or(0));
         Memory {
-            password: half(Reg::PasswordHigh32) << 32 | half(Reg::PasswordLow32),
+            password: factory_password(),
             motor: MotorConfiguration::FACTORY,
             lan: Lan::FACTORY,
             mode_n_programs: 0,
@@ -188,6 +187,12 @@ impl Memory {
         }
         Some(())
     }
+}
+
+/// The password as it leaves the factory.
+pub(super) fn factory_password() -> u64 {
+    let half = |reg: Reg| u64::from(u32::try_from(reg.info().default).unwrap_or(0));
+    half(Reg::PasswordHigh32) << 32 | half(Reg::PasswordLow32)
 }
 
 fn lan_from_bytes(mut bytes: &[u8]) -> Option<Lan> {

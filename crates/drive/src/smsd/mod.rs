@@ -4,10 +4,13 @@
 //! `registers` the register map, `commands` what `CMD` and programs can do, `powerstep01` the motor chip,
 //! `inputs` the signals, `programs` the memory areas and the procedures of `MEM_CMD`, `access` authorisation,
 //! `memory` what survives power-off, `interpreter` running programs, `power` the supply and the front panel,
-//! `quantities` what can be looked at.
+//! `standard` the requests of the standard binary protocol and `immediate` the instructions among them, `counters` its
+//! counters of errors, `quantities` what can be looked at.
 
 mod access;
 mod commands;
+mod counters;
+mod immediate;
 mod inputs;
 mod interpreter;
 mod memory;
@@ -16,13 +19,16 @@ mod powerstep01;
 mod programs;
 mod quantities;
 mod registers;
+mod standard;
 
-pub use access::Session;
+pub use access::{Session, StandardSession};
 pub use commands::{Place, Refusal, Why};
 pub use memory::{Area, DamagedRecord, Lan, Memory, Record, RecordBytes};
 pub use quantities::Quantity;
 
+use access::Logins;
 use commands::CommandRegisters;
+use counters::Counters;
 use inputs::{Inputs, Seek};
 use interpreter::Interpreter;
 use powerstep01::PowerStep01;
@@ -31,6 +37,7 @@ use stepdrive_motion::{Direction, Phase};
 use stepdrive_spec::modbus::{Exception, Reply, Request};
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::models::Model;
+use stepdrive_spec::smsd::standard::Firmware;
 use stepdrive_spec::smsd::status::{MotStatus, Status};
 use stepdrive_spec::time::Instant;
 
@@ -56,6 +63,10 @@ pub struct Config {
     pub port: u16,
     /// Autonomous mode ("bF" at the front panel): the program of `MODE_N_PROGRAMS` starts at power-up.
     pub autonomous: bool,
+    /// What it runs: decides the form of the LAN parameters of the standard protocol.
+    pub firmware: Firmware,
+    /// The version of the standard protocol, 1 or 2; the instructions 0x3A to 0x3E came with 2.
+    pub protocol_version: u8,
 }
 
 /// Why a controller wants to be woken.
@@ -97,7 +108,8 @@ pub struct Program {
 ///
 /// Calls carry the time, which must not run backward.
 ///
-/// * **In**: [`Smsd::handle`] for a request, [`Smsd::set_input`] for a signal, [`Smsd::short_motor`] and
+/// * **In**: [`Smsd::handle`] for a request by Modbus and [`Smsd::handle_standard`] for one by the standard protocol,
+///   [`Smsd::set_input`] for a signal, [`Smsd::short_motor`] and
 ///   [`Smsd::overheat`] for what goes wrong.
 /// * **Time**: [`Smsd::next_wake`] says when [`Smsd::handle_wake`] wants to be called. Every wake-up that is due must be
 ///   handled before something else goes in with a later time.
@@ -119,7 +131,8 @@ pub struct Smsd {
     interpreter: Interpreter,
     lan: Lan,
     relay: bool,
-    last_failed_login: Option<Instant>,
+    logins: Logins,
+    counters: Counters,
     refusal: Option<Refusal>,
     network_configured: bool,
 }
@@ -140,7 +153,8 @@ impl Smsd {
             programs: Programs::power_up(),
             interpreter: Interpreter::default(),
             relay: false,
-            last_failed_login: None,
+            logins: Logins::power_up(now),
+            counters: Counters::default(),
             refusal: None,
             network_configured: false,
             memory,
@@ -251,6 +265,16 @@ impl Smsd {
         self.memory.lan.id
     }
 
+    /// What it runs, which decides what it speaks over LAN.
+    pub fn firmware(&self) -> Firmware {
+        self.config.firmware
+    }
+
+    /// The version of the standard protocol that it speaks, 1 or 2.
+    pub fn protocol_version(&self) -> u8 {
+        self.config.protocol_version
+    }
+
     /// The model.
     pub fn model(&self) -> Model {
         self.config.model
@@ -305,6 +329,11 @@ impl Smsd {
         self.motor.position(now)
     }
 
+    /// The mark: the position that `SCAN_MARK` and the like have remembered, in microsteps.
+    pub fn mark(&self) -> i32 {
+        self.motor.mark()
+    }
+
     /// `SPEED` at `now`, in full steps per second.
     pub fn speed(&self, now: Instant) -> f64 {
         self.motor.speed(now)
@@ -325,6 +354,12 @@ impl Smsd {
     /// before the next wake-up changes its course.
     pub fn when_rotor_reaches(&self, position: i64) -> Option<Instant> {
         self.motor.when_rotor_reaches(position)
+    }
+
+    /// Where the rotor will be when the motion in progress ends as it is planned, if nothing holds it; `None` when there is
+    /// none, and of a run.
+    pub fn destination(&self) -> Option<i64> {
+        self.motor.destination()
     }
 
     fn ready(&self) -> bool {

@@ -2,11 +2,13 @@
 
 use super::Smsd;
 use super::commands::CommandRegisters;
+use super::counters::Counters;
 use super::inputs::Inputs;
 use super::interpreter::Interpreter;
 use super::memory::Record;
 use super::programs::Programs;
 use stepdrive_spec::smsd::instructions::PROGRAM_AREAS;
+use stepdrive_spec::smsd::standard::Counter;
 use stepdrive_spec::time::Instant;
 
 impl Smsd {
@@ -23,6 +25,10 @@ impl Smsd {
     pub fn switch_on(&mut self, now: Instant, levels: u8) {
         self.motor = self.motor.powered_up(self.memory.motor.microsteps_per_step());
         self.start_over(levels);
+        self.logins.start_over(now);
+        if self.motor.is_overheated() {
+            self.count(Counter::ThermalPowerstep01);
+        }
         self.on = true;
         if self.config.autonomous {
             self.start_program(now, self.memory.mode_n_programs);
@@ -58,6 +64,9 @@ impl Smsd {
     /// Overheats the motor chip at `now`, or ends that. Its thermal protection shuts the bridges down as a short circuit
     /// does, whether or not a current flows.
     pub fn overheat(&mut self, now: Instant, overheated: bool) {
+        if overheated && !self.motor.is_overheated() {
+            self.count(Counter::ThermalPowerstep01);
+        }
         self.motor.overheat(now, overheated);
         self.follow_shutdown(now);
     }
@@ -79,6 +88,6 @@ impl Smsd {
         self.programs = Programs::power_up();
         self.interpreter = Interpreter::default();
         self.relay = false;
-        self.last_failed_login = None;
+        self.counters = Counters::default();
     }
 }

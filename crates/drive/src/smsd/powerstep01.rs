@@ -72,6 +72,8 @@ pub(super) struct PowerStep01 {
     parameters: Parameters,
     axis: Axis,
     energised: bool,
+    /// How often the phases were energised since power-up.
+    starts: u32,
     /// De-energise as soon as the motor stands.
     release_at_standstill: bool,
     busy: Busy,
@@ -100,6 +102,7 @@ impl PowerStep01 {
             parameters: Parameters::power_up(),
             axis: Axis::new(0),
             energised: false,
+            starts: 0,
             release_at_standstill: false,
             busy: Busy::No,
             command_error: false,
@@ -141,23 +144,27 @@ impl PowerStep01 {
     pub(super) fn run(&mut self, now: Instant, direction: Direction, speed: f64) {
         let counts = scale::SPEED.round(speed) * f64::from(self.microsteps_per_step);
         self.begin(now, Busy::UntilConstant);
+        self.energise();
         self.steer(now, |axis, limits| axis.run(now, direction, counts, limits));
     }
 
     /// Goes `displacement` microsteps from where it is, and stops there.
     pub(super) fn move_by(&mut self, now: Instant, displacement: i64) {
         self.begin(now, Busy::UntilStanding);
+        self.energise();
         let target = self.axis.count(now).saturating_add(displacement);
         self.steer(now, |axis, limits| axis.move_to(now, target, limits));
     }
 
     pub(super) fn soft_stop(&mut self, now: Instant) {
         self.begin(now, Busy::UntilStanding);
+        self.energise();
         self.steer(now, |axis, limits| axis.brake(now, limits));
     }
 
     pub(super) fn hard_stop(&mut self, now: Instant) {
         self.begin(now, Busy::UntilStanding);
+        self.energise();
         self.steer(now, |axis, _| axis.halt(now));
     }
 
@@ -194,6 +201,7 @@ impl PowerStep01 {
             zero,
             rotor_origin: (rotor, zero),
             el_origin: rotor,
+            starts: self.starts,
             ..self.powered_up(self.microsteps_per_step)
         };
     }
@@ -205,7 +213,11 @@ impl PowerStep01 {
     pub(super) fn begin_step_clock(&mut self, now: Instant, enabled: bool) {
         self.axis.halt(now);
         self.step_clock = Some(StepClock { target: self.axis.count(now) });
-        self.energised = enabled;
+        if enabled {
+            self.energise();
+        } else {
+            self.energised = false;
+        }
         self.release_at_standstill = false;
         self.protect(now);
     }
@@ -237,6 +249,11 @@ impl PowerStep01 {
     pub(super) fn overheat(&mut self, now: Instant, overheated: bool) {
         self.trouble.overheated = overheated;
         self.protect(now);
+    }
+
+    /// Whether the chip is too hot.
+    pub(super) fn is_overheated(&self) -> bool {
+        self.trouble.overheated
     }
 
     /// Whether the bridges are shut down.
@@ -315,6 +332,11 @@ impl PowerStep01 {
         self.energised
     }
 
+    /// How often the phases were energised since power-up.
+    pub(super) fn starts(&self) -> u32 {
+        self.starts
+    }
+
     pub(super) fn ready(&self) -> bool {
         self.busy == Busy::No
     }
@@ -390,19 +412,32 @@ impl PowerStep01 {
         self.axis.when_reaches(count.saturating_add(counts))
     }
 
+    /// Where the rotor will be when the motion in progress ends as it is planned; `None` when there is none, and of a run.
+    pub(super) fn destination(&self) -> Option<i64> {
+        let (rotor, count) = self.rotor_origin;
+        let counts = self.axis.destination()?.saturating_sub(count);
+        Some(rotor.saturating_add(counts.saturating_mul(self.units_per_count())))
+    }
+
     // ---- inside
 
     fn units_per_count(&self) -> i64 {
         (ROTOR_UNITS / i64::from(self.microsteps_per_step)).max(1)
     }
 
-    /// A motion command begins: it energises the motor, ends the step clock and supersedes what was to happen at
-    /// standstill.
+    /// Energises the phases. Bridges that are shut down do not follow; see [`PowerStep01::protect`].
+    fn energise(&mut self) {
+        if !self.energised && !self.shut_down {
+            self.starts = self.starts.saturating_add(1);
+        }
+        self.energised = true;
+    }
+
+    /// A motion command begins: it ends the step clock and supersedes what was to happen at standstill.
     fn begin(&mut self, now: Instant, busy: Busy) {
         if self.step_clock.take().is_some() {
             self.axis.halt(now);
         }
-        self.energised = true;
         self.release_at_standstill = false;
         self.busy = busy;
     }

@@ -59,6 +59,12 @@ impl Programs {
         self.procedure.as_ref().map(|(done, _)| *done)
     }
 
+    /// Whether a memory area cannot be written now, with a program running in `executing`: that program is in it, or a
+    /// procedure is at work.
+    pub(super) fn is_busy(&self, area: usize, executing: Option<u8>) -> bool {
+        self.procedure.is_some() || executing.map(usize::from) == Some(area)
+    }
+
     /// The procedure that the registers ask for, with a program running in `executing`.
     ///
     /// # Errors
@@ -72,8 +78,8 @@ impl Programs {
                 Some(area)
             }
         };
-        let changes_running = changed.is_some() && changed == executing.map(usize::from);
-        if self.procedure.is_some() || changes_running {
+        let busy = changed.map_or(self.procedure.is_some(), |area| self.is_busy(area, executing));
+        if busy {
             return Err(Exception::ServerDeviceBusy);
         }
         Ok(procedure)

@@ -187,6 +187,12 @@ impl Smsd {
         Ok(())
     }
 
+    /// Whether a value is within the range of a register.
+    pub(super) fn fits(&self, reg: Reg, value: u16) -> bool {
+        let (min, max) = reg.info().range(self.config.model);
+        (min..=max).contains(&i64::from(value))
+    }
+
     fn state_allows(&self, now: Instant, writable: Writable) -> bool {
         match writable {
             Writable::Always => true,
@@ -198,8 +204,7 @@ impl Smsd {
     /// Lets the register that acts act.
     fn act(&mut self, now: Instant, session: &mut Session, id: Reg, value: u16) -> Result<(), Exception> {
         if id == Reg::MemCmd {
-            let running = self.interpreter.is_running().then_some(self.interpreter.place().area);
-            let procedure = self.programs.plan(running)?;
+            let procedure = self.programs.plan(self.interpreter.executing())?;
             self.programs.start(now, procedure);
         } else if id == Reg::PasswordCmd && value == 0 {
             self.authorise(now, session);
@@ -240,7 +245,7 @@ impl Smsd {
     }
 
     /// Stores the LAN parameters and asks the world to reach the controller by them.
-    fn apply_network_configuration(&mut self) {
+    pub(super) fn apply_network_configuration(&mut self) {
         self.memory.lan = self.lan;
         self.unsaved.mark(Record::Lan);
         self.network_configured = true;
@@ -299,11 +304,16 @@ impl Smsd {
             Reg::LanSubnetMask => set_octet(&mut self.lan.subnet_mask, index, low_byte),
             Reg::LanGateway => set_octet(&mut self.lan.gateway, index, low_byte),
             Reg::LanDns => set_octet(&mut self.lan.dns, index, low_byte),
-            Reg::LanPort => self.lan.port = (word != self.config.port).then_some(word),
+            Reg::LanPort => self.lan.port = self.chosen_port(word),
             Reg::LanDhcp => self.lan.dhcp = low_byte,
             // `CMD` and `Password_CMD` act, `Wait` ignores what is written, and the rest are no holding registers.
             _ => {}
         }
+    }
+
+    /// The TCP port to remember when somebody chooses this one: none while it is the rig's.
+    pub(super) fn chosen_port(&self, port: u16) -> Option<u16> {
+        (port != self.config.port).then_some(port)
     }
 
     pub(super) fn configure_motor(&mut self, now: Instant, change: impl FnOnce(&mut MotorConfiguration)) {

@@ -309,3 +309,23 @@ fn the_slowest_and_the_fastest_runs_are_kept_up() {
     bench.run_for(Duration::from_hours(24 * 365));
     assert!(bench.flag("ATSPEED"));
 }
+
+#[test]
+fn the_destination_of_a_move_is_known_while_it_waits_and_while_it_goes() {
+    let mut bench = tuned(&[("TZW", 2.0)]);
+    assert_eq!(bench.drive.destination(), None);
+    bench.order("RUNA", "100");
+    assert_eq!(bench.drive.destination(), Some(100 * 256));
+    bench.run_until(|bench| bench.position() >= 100.0);
+    assert_eq!(bench.drive.destination(), None);
+    bench.order("RUNA", "-20");
+    assert_eq!(bench.drive.destination(), Some(-20 * 256), "it waits for the end of the rest");
+    bench.run_until_standby();
+    bench.order("RUNV", "+");
+    assert_eq!(bench.drive.destination(), None);
+    bench.run_for(SECOND);
+    bench.order("STOP", "");
+    let planned = bench.drive.destination().expect("it brakes");
+    bench.run_until(|bench| bench.velocity() <= 0.0);
+    assert_eq!(bench.drive.rotor(bench.now), planned);
+}

@@ -8,6 +8,7 @@ use stepdrive_spec::smsd::instructions::{Instruction, Opcode, Operand};
 use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::powerstep01 as scale;
 use stepdrive_spec::smsd::registers::{Kind, REGISTERS, Reg, Register};
+use stepdrive_spec::smsd::standard::{Firmware, VERSION_2};
 use stepdrive_spec::time::Instant;
 
 pub(crate) const PASSWORD: u64 = 0x0123_4567_89AB_CDEF;
@@ -29,7 +30,14 @@ pub(crate) struct Bench {
 }
 
 pub(crate) fn config(model: Model) -> Config {
-    Config { model, word_order: WordOrder::LowFirst, port: 5020, autonomous: false }
+    Config {
+        model,
+        word_order: WordOrder::LowFirst,
+        port: 5020,
+        autonomous: false,
+        firmware: Firmware::Modbus,
+        protocol_version: VERSION_2,
+    }
 }
 
 impl Bench {

@@ -16,5 +16,6 @@ mod quantities;
 mod refusals;
 mod registers;
 mod runs;
+mod standard;
 mod step_clock;
 mod stops;

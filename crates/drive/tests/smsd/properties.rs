@@ -1,16 +1,18 @@
 //! What holds whatever clients ask, whatever the inputs do, and however time passes.
 
-use crate::bench::{Bench, config};
+use crate::bench::{Bench, PASSWORD, SECOND, config};
+use crate::standard::requests::packet;
 use core::time::Duration;
 use proptest::collection::vec;
 use proptest::prelude::*;
-use stepdrive_drive::smsd::{Config, Session, WordOrder};
+use stepdrive_drive::smsd::{Config, Session, StandardSession, WordOrder};
 use stepdrive_spec::modbus::{Exception, Reply, Request, Table};
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::{INSTRUCTIONS, Instruction, Opcode};
 use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::registers::{REGISTERS, Reg};
 use stepdrive_spec::smsd::ring;
+use stepdrive_spec::smsd::standard::{self, Malformed};
 use stepdrive_spec::smsd::status::{MotStatus, Status};
 
 /// Something that happens to a controller.
@@ -19,6 +21,8 @@ use stepdrive_spec::smsd::status::{MotStatus, Status};
 enum Happening {
     /// A request of one of two clients: `true` is the one that was authorised at first.
     Request(bool, Request),
+    /// A packet of the standard protocol, over USB or over LAN.
+    Packet(bool, Result<standard::Request, Malformed>),
     Input(Input, bool),
     StepClock,
     Short(bool),
@@ -26,6 +30,22 @@ enum Happening {
     /// Off, so many nanoseconds, and on with the inputs so and the front panel so.
     PowerCycle(u64, u8, bool),
     Pass(u64),
+}
+
+/// How a controller answers.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "a test has a few dozen of them")]
+enum Answer {
+    Modbus(Result<Reply, Exception>),
+    Standard(Option<standard::Reply>),
+}
+
+/// The clients besides the one of the bench.
+#[derive(Clone, Debug)]
+struct Others {
+    modbus: Session,
+    usb: StandardSession,
+    lan: StandardSession,
 }
 
 /// Addresses near the listed ones, and a few from anywhere.
@@ -118,6 +138,7 @@ fn happening() -> impl Strategy<Value = Happening> {
     let pass = prop_oneof![0..3_u64, 0..5_000_000_u64, 0..2_000_000_000_u64];
     prop_oneof![
         6 => (prop::bool::weighted(0.95), request).prop_map(|(first, request)| Happening::Request(first, request)),
+        4 => (any::<bool>(), packet()).prop_map(|(usb, packet)| Happening::Packet(usb, packet)),
         1 => (prop::sample::select(&Input::ALL[..]), any::<bool>())
             .prop_map(|(input, level)| Happening::Input(input, level)),
         1 => trouble(),
@@ -131,14 +152,19 @@ fn instruction() -> impl Strategy<Value = Instruction> {
     (prop::sample::select(opcodes), data).prop_map(|(opcode, data)| Instruction::with_position(opcode, data))
 }
 
-/// A controller with programs in two of its memories, before anything has happened.
-fn prepared(order: WordOrder, programs: &[Vec<Instruction>; 2]) -> Bench {
+/// A controller with programs in two of its memories, before anything has happened, and other clients; somebody has logged
+/// in over USB.
+fn prepared(order: WordOrder, programs: &[Vec<Instruction>; 2]) -> (Bench, Others) {
     let config = Config { word_order: order, ..config(Model::Smsd42) };
     let mut bench = Bench::with(config, stepdrive_drive::smsd::Memory::factory(), 0);
     for (area, program) in (0..).zip(programs) {
         bench.store(area, program);
     }
-    bench
+    bench.run_for(SECOND);
+    let mut usb = StandardSession::usb();
+    bench.drive.handle_standard(bench.now, &mut usb, Ok(&standard::Request::Authorise(PASSWORD)));
+    assert!(usb.is_authorised());
+    (bench, Others { modbus: Session::new(), usb, lan: StandardSession::lan() })
 }
 
 fn word_order() -> impl Strategy<Value = WordOrder> {
@@ -150,17 +176,22 @@ fn programs() -> impl Strategy<Value = [Vec<Instruction>; 2]> {
 }
 
 /// Lets it happen, and answers what the controller answered.
-fn happen(bench: &mut Bench, other: &mut Session, happening: &Happening) -> Option<Result<Reply, Exception>> {
+fn happen(bench: &mut Bench, others: &mut Others, happening: &Happening) -> Option<Answer> {
     match happening {
         Happening::Request(first, request) => {
             if !first {
-                core::mem::swap(&mut bench.session, other);
+                core::mem::swap(&mut bench.session, &mut others.modbus);
             }
             let reply = bench.request(request);
             if !first {
-                core::mem::swap(&mut bench.session, other);
+                core::mem::swap(&mut bench.session, &mut others.modbus);
             }
-            return Some(reply);
+            return Some(Answer::Modbus(reply));
+        }
+        Happening::Packet(usb, packet) => {
+            let session = if *usb { &mut others.usb } else { &mut others.lan };
+            let packet = packet.as_ref().map_err(|malformed| *malformed);
+            return Some(Answer::Standard(bench.drive.handle_standard(bench.now, session, packet)));
         }
         Happening::Input(input, level) => bench.input(*input, *level),
         Happening::StepClock => bench.drive.step_clock(bench.now),
@@ -171,10 +202,37 @@ fn happen(bench: &mut Bench, other: &mut Session, happening: &Happening) -> Opti
             bench.drive.switch_off(bench.now);
             bench.run_for(Duration::from_nanos(*off));
             bench.drive.switch_on(bench.now, *levels);
+            // The first packet that comes ends a login from before.
+            for session in [&mut others.usb, &mut others.lan] {
+                bench.drive.handle_standard(bench.now, session, Ok(&standard::Request::GetVersions));
+                assert!(!session.is_authorised());
+            }
         }
         Happening::Pass(nanos) => bench.run_for(Duration::from_nanos(*nanos)),
     }
     None
+}
+
+/// Whether what happened, so answered, must have changed nothing. An attempt to log in may always change the session.
+fn must_change_nothing(happening: &Happening, answer: Option<&Answer>) -> bool {
+    match answer {
+        None => false,
+        Some(Answer::Modbus(reply)) => matches!(reply, Err(_) | Ok(Reply::Bits(_) | Reply::Words(_))),
+        Some(Answer::Standard(reply)) => match reply {
+            Some(standard::Reply::Response(answer)) => {
+                let login = matches!(happening, Happening::Packet(_, Ok(standard::Request::Authorise(_))));
+                answer.code.is_error() && !(login && answer.code == standard::Code::ErrorAccess)
+            }
+            Some(standard::Reply::Powerstep01(_)) => false,
+            Some(
+                standard::Reply::Memory { .. }
+                | standard::Reply::Lan(_)
+                | standard::Reply::Errors(_)
+                | standard::Reply::Versions(_),
+            )
+            | None => true,
+        },
+    }
 }
 
 /// Whether this is the speed of a step by the step input, in whichever microstep mode.
@@ -241,25 +299,25 @@ proptest! {
         programs in programs(),
         happenings in vec(happening(), 1..60),
     ) {
-        let (mut bench, mut other) = (prepared(order, &programs), Session::new());
+        let (mut bench, mut others) = prepared(order, &programs);
         for happening in &happenings {
-            happen(&mut bench, &mut other, happening);
+            happen(&mut bench, &mut others, happening);
             check(&mut bench);
         }
     }
 
     #[test]
-    fn reads_and_exceptions_change_nothing(
+    fn reads_and_refusals_change_nothing(
         order in word_order(),
         programs in programs(),
         happenings in vec(happening(), 1..60),
     ) {
-        let (mut bench, mut other) = (prepared(order, &programs), Session::new());
+        let (mut bench, mut others) = prepared(order, &programs);
         for happening in &happenings {
-            let before = (bench.snapshot(), format!("{other:?}"));
-            let reply = happen(&mut bench, &mut other, happening);
-            if matches!(reply, Some(Err(_) | Ok(Reply::Bits(_) | Reply::Words(_)))) {
-                prop_assert_eq!((bench.snapshot(), format!("{other:?}")), before, "{:?}", happening);
+            let before = (bench.snapshot(), format!("{others:?}"));
+            let answer = happen(&mut bench, &mut others, happening);
+            if must_change_nothing(happening, answer.as_ref()) {
+                prop_assert_eq!((bench.snapshot(), format!("{others:?}")), before, "{:?}", happening);
             }
         }
     }
@@ -271,9 +329,9 @@ proptest! {
         happenings in vec(happening(), 1..60),
     ) {
         let run = || {
-            let (mut bench, mut other) = (prepared(order, &programs), Session::new());
+            let (mut bench, mut others) = prepared(order, &programs);
             let replies: Vec<_> =
-                happenings.iter().map(|happening| happen(&mut bench, &mut other, happening)).collect();
+                happenings.iter().map(|happening| happen(&mut bench, &mut others, happening)).collect();
             (replies, bench.snapshot())
         };
         prop_assert_eq!(run(), run());
@@ -285,10 +343,10 @@ proptest! {
         happenings in vec(happening(), 1..40),
         cuts in vec(0..1_000_000_000_u64, 1..10),
     ) {
-        let (mut whole, mut pieces) = (prepared(WordOrder::LowFirst, &programs), prepared(WordOrder::LowFirst, &programs));
-        let mut others = [Session::new(), Session::new()];
+        let (mut whole, mut others) = prepared(WordOrder::LowFirst, &programs);
+        let (mut pieces, mut same_others) = (whole.clone(), others.clone());
         for happening in &happenings {
-            let reply = happen(&mut whole, &mut others[0], happening);
+            let reply = happen(&mut whole, &mut others, happening);
             if let Happening::Pass(nanos) = happening {
                 let end = pieces.now + Duration::from_nanos(*nanos);
                 for cut in &cuts {
@@ -299,7 +357,7 @@ proptest! {
                 let rest = end.since(pieces.now);
                 pieces.run_for(rest);
             } else {
-                prop_assert_eq!(reply, happen(&mut pieces, &mut others[1], happening));
+                prop_assert_eq!(reply, happen(&mut pieces, &mut same_others, happening));
             }
             prop_assert_eq!(whole.drive.status(whole.now), pieces.drive.status(pieces.now));
             prop_assert_eq!(whole.drive.rotor(whole.now), pieces.drive.rotor(pieces.now));

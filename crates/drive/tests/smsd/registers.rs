@@ -167,7 +167,9 @@ fn identification_tells_the_models_apart() {
 
 #[test]
 fn every_holding_register_reads_back_its_lowest_and_highest_value() {
-    for mut bench in [Bench::new(), Bench::of(Model::Smsd80), high_first()] {
+    let benches: [fn() -> Bench; 3] = [Bench::new, || Bench::of(Model::Smsd80), high_first];
+    for bench in benches {
+        let mut bench = bench();
         let model = bench.drive.model();
         for (row, index) in plain_registers() {
             let (min, max) = row.range(model);

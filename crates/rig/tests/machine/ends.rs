@@ -121,3 +121,28 @@ fn ends_between_two_microsteps_hold_the_carriage_where_they_are() {
     bench.go(Opcode::MoveR, 1);
     assert_eq!(bench.carriage(), 76.0 / 256.0 - 0.0625);
 }
+
+#[test]
+fn the_destination_is_the_plan_whatever_holds_the_carriage() {
+    let mut bench = Bench::new(&travel(-10.0, 10.0, 2.0));
+    let destination = |bench: &Bench| bench.machine.destination(bench.now);
+    assert_eq!(destination(&bench), None);
+    bench.order(Opcode::MoveF, 5 * 16);
+    assert_eq!(destination(&bench), Some(7.0));
+    bench.run_for(SECOND / 50);
+    assert_eq!(destination(&bench), Some(7.0));
+    bench.run_until_ready();
+    assert_eq!((bench.carriage(), destination(&bench)), (7.0, None));
+    bench.order(Opcode::MoveF, 100 * 16);
+    assert_eq!(destination(&bench), Some(107.0), "beyond the end");
+    bench.order(Opcode::RunR, 100);
+    assert_eq!(destination(&bench), None);
+    bench.run_for(SECOND / 20);
+    bench.write(Reg::SoftStop, 1);
+    let planned = destination(&bench).expect("it brakes");
+    bench.run_until_ready();
+    assert_eq!(bench.carriage(), planned);
+    bench.order(Opcode::MoveF, 16);
+    bench.machine.switch_off(bench.now);
+    assert_eq!(destination(&bench), None);
+}

@@ -4,4 +4,5 @@ mod bench;
 mod ends;
 mod homing;
 mod scripts;
+mod stalls;
 mod switches;
