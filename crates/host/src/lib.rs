@@ -5,7 +5,10 @@
 //! | | |
 //! |---|---|
 //! | [`axis::Axis`] | what both families can do, in user units, with soft limits and trust in the position |
-//! | [`smsd::SmsdClient`] | everything an SMSD has, over Modbus TCP |
+//! | [`smsd::Smsd`] | everything an SMSD has |
+//! | [`smsd::SmsdClient`] | that over Modbus TCP |
+//! | [`smsd::SmsdUsbClient`] | that over USB, or TCP with the standard firmware |
+//! | [`settings`] | the settings of both families: what there is, what it can be, how it is changed |
 //! | [`smd3::Smd3Client`] | everything an SMD3 has, over its serial port or TCP |
 //! | [`uri::Target`] | where a controller is |
 //! | [`blocking::Blocking`] | any of these for programs that are not asynchronous |
@@ -39,6 +42,7 @@ pub mod blocking;
 mod connect;
 mod direction;
 mod error;
+pub mod settings;
 pub mod smd3;
 pub mod smsd;
 pub mod trust;

@@ -3,6 +3,9 @@
 //! | | |
 //! |---|---|
 //! | `smsd+tcp://HOST:502?unit=1&word_order=low-first` | an SMSD over Modbus TCP; port, unit and word order may be left out |
+//! | `smsd+usb:///dev/ttyACM0` | an SMSD at its USB port |
+//! | `smsd+usb+tcp://HOST:PORT` | an SMSD whose USB port comes over TCP |
+//! | `smsd+std://HOST:5000` | an SMSD with the standard firmware; the port may be left out |
 //! | `smd3+serial:///dev/ttyACM0` | an SMD3 at a serial port |
 //! | `smd3+tcp://HOST:PORT` | an SMD3 whose lines come over TCP |
 //! | `HOST:PORT`, `HOST:PORT?unit=1` | an SMSD |
@@ -12,9 +15,10 @@
 
 use crate::connect::{Connect, Serial, Tcp};
 use crate::error::Error;
-use crate::smsd::{SmsdOptions, WordOrder};
+use crate::smsd::{Framing, Smsd, SmsdClient, SmsdOptions, SmsdUsbClient, WordOrder};
 use crate::units::shown;
 use std::fmt;
+use stepdrive_spec::smsd::standard::STANDARD_PORT;
 
 /// The port of Modbus TCP.
 pub const MODBUS_PORT: u16 = 502;
@@ -22,6 +26,9 @@ pub const MODBUS_PORT: u16 = 502;
 pub const DEFAULT_UNIT: u8 = 1;
 
 const SMSD_TCP: &str = "smsd+tcp";
+const SMSD_USB: &str = "smsd+usb";
+const SMSD_USB_TCP: &str = "smsd+usb+tcp";
+const SMSD_STANDARD: &str = "smsd+std";
 const SMD3_SERIAL: &str = "smd3+serial";
 const SMD3_TCP: &str = "smd3+tcp";
 
@@ -38,6 +45,25 @@ pub enum Target {
         unit: u8,
         /// Which word of a 32-bit value comes first; `None` finds out.
         word_order: Option<WordOrder>,
+    },
+    /// An SMSD at its USB port.
+    SmsdUsb {
+        /// Path or name of the port.
+        path: String,
+    },
+    /// An SMSD whose USB port comes over TCP.
+    SmsdUsbTcp {
+        /// Name or address, an IPv6 address without brackets.
+        host: String,
+        /// TCP port.
+        port: u16,
+    },
+    /// An SMSD with the standard firmware, over TCP.
+    SmsdStandard {
+        /// Name or address, an IPv6 address without brackets.
+        host: String,
+        /// TCP port.
+        port: u16,
     },
     /// An SMD3 at a serial port.
     Smd3Serial {
@@ -63,10 +89,23 @@ impl Target {
         let Some((scheme, rest)) = text.split_once("://") else { return bare(text) };
         match scheme.to_ascii_lowercase().as_str() {
             SMSD_TCP => smsd(rest),
-            SMD3_SERIAL => serial(rest),
-            SMD3_TCP => smd3_tcp(rest),
+            SMSD_USB => Ok(Target::SmsdUsb { path: path_of(rest, SMSD_USB)? }),
+            SMSD_USB_TCP => {
+                let (host, port) = host_and_port(rest, SMSD_USB_TCP, None)?;
+                Ok(Target::SmsdUsbTcp { host, port })
+            }
+            SMSD_STANDARD => {
+                let (host, port) = host_and_port(rest, SMSD_STANDARD, Some(STANDARD_PORT))?;
+                Ok(Target::SmsdStandard { host, port })
+            }
+            SMD3_SERIAL => Ok(Target::Smd3Serial { path: path_of(rest, SMD3_SERIAL)? }),
+            SMD3_TCP => {
+                let (host, port) = host_and_port(rest, SMD3_TCP, None)?;
+                Ok(Target::Smd3Tcp { host, port })
+            }
             _ => Err(Error::Usage(format!(
-                "`{}` is no kind of target; there are {SMSD_TCP}://, {SMD3_SERIAL}:// and {SMD3_TCP}://",
+                "`{}` is no kind of target; there are {SMSD_TCP}://, {SMSD_USB}://, {SMSD_USB_TCP}://, {SMSD_STANDARD}://, \
+                 {SMD3_SERIAL}:// and {SMD3_TCP}://",
                 shown(scheme)
             ))),
         }
@@ -75,10 +114,11 @@ impl Target {
     /// The way to it.
     pub fn connect(&self) -> Box<dyn Connect> {
         match self {
-            Target::Smsd { host, port, .. } | Target::Smd3Tcp { host, port } => {
-                Box::new(Tcp::new(host, *port))
-            }
-            Target::Smd3Serial { path } => Box::new(Serial::new(path)),
+            Target::Smsd { host, port, .. }
+            | Target::SmsdUsbTcp { host, port }
+            | Target::SmsdStandard { host, port }
+            | Target::Smd3Tcp { host, port } => Box::new(Tcp::new(host, *port)),
+            Target::SmsdUsb { path } | Target::Smd3Serial { path } => Box::new(Serial::new(path)),
         }
     }
 
@@ -93,8 +133,23 @@ impl Target {
             Target::Smsd { unit, word_order, .. } => {
                 Some(SmsdOptions { unit: *unit, word_order: *word_order, ..SmsdOptions::default() })
             }
+            Target::SmsdUsb { .. } | Target::SmsdUsbTcp { .. } | Target::SmsdStandard { .. } => {
+                Some(SmsdOptions::default())
+            }
             Target::Smd3Serial { .. } | Target::Smd3Tcp { .. } => None,
         }
+    }
+
+    /// The driver of the SMSD that it is, over a way to it; `None` when it is none. Nothing is opened yet.
+    pub fn smsd(&self, connect: impl Connect + 'static, options: SmsdOptions) -> Option<Box<dyn Smsd>> {
+        Some(match self {
+            Target::Smsd { .. } => Box::new(SmsdClient::new(connect, options)),
+            Target::SmsdUsb { .. } | Target::SmsdUsbTcp { .. } => {
+                Box::new(SmsdUsbClient::new(connect, Framing::Stuffed, options))
+            }
+            Target::SmsdStandard { .. } => Box::new(SmsdUsbClient::new(connect, Framing::Raw, options)),
+            Target::Smd3Serial { .. } | Target::Smd3Tcp { .. } => return None,
+        })
     }
 }
 
@@ -105,6 +160,9 @@ impl fmt::Display for Target {
                 write!(f, "{SMSD_TCP}://{}:{port}?unit={unit}", bracketed(host))?;
                 word_order.map_or(Ok(()), |order| write!(f, "&word_order={}", order.name()))
             }
+            Target::SmsdUsb { path } => write!(f, "{SMSD_USB}://{}", encoded(path)),
+            Target::SmsdUsbTcp { host, port } => write!(f, "{SMSD_USB_TCP}://{}:{port}", bracketed(host)),
+            Target::SmsdStandard { host, port } => write!(f, "{SMSD_STANDARD}://{}:{port}", bracketed(host)),
             Target::Smd3Serial { path } => write!(f, "{SMD3_SERIAL}://{}", encoded(path)),
             Target::Smd3Tcp { host, port } => write!(f, "{SMD3_TCP}://{}:{port}", bracketed(host)),
         }
@@ -114,7 +172,7 @@ impl fmt::Display for Target {
 /// A target without a scheme.
 fn bare(text: &str) -> Result<Target, Error> {
     if text.starts_with('/') || is_com_port(text) {
-        return checked_path(text.to_owned());
+        return Ok(Target::Smd3Serial { path: checked_path(text.to_owned(), SMD3_SERIAL)? });
     }
     let place = text.split_once('?').map_or(text, |(place, _)| place);
     match authority(place)? {
@@ -146,34 +204,44 @@ fn smsd(rest: &str) -> Result<Target, Error> {
     Ok(Target::Smsd { host, port: port.unwrap_or(MODBUS_PORT), unit, word_order })
 }
 
-fn smd3_tcp(rest: &str) -> Result<Target, Error> {
-    match authority(rest)? {
-        (host, Some(port)) => Ok(Target::Smd3Tcp { host, port }),
-        (host, None) => Err(Error::Usage(format!(
-            "`{SMD3_TCP}://{}` lacks a port; write {SMD3_TCP}://HOST:PORT",
+/// Reads a host and its port, and nothing more; `usual` where the port may be left out.
+fn host_and_port(rest: &str, scheme: &str, usual: Option<u16>) -> Result<(String, u16), Error> {
+    let (place, query) = rest.split_once('?').unwrap_or((rest, ""));
+    if query.to_ascii_lowercase().contains("password") {
+        return Err(no_password());
+    } else if !query.is_empty() {
+        let setting = shown(query);
+        return Err(Error::Usage(format!("`{setting}` is no setting of a {scheme}:// target; it has none")));
+    }
+    let (host, port) = authority(place)?;
+    match port.or(usual) {
+        Some(port) => Ok((host, port)),
+        None => Err(Error::Usage(format!(
+            "`{scheme}://{}` lacks a port; write {scheme}://HOST:PORT",
             shown(&host)
         ))),
     }
 }
 
-fn serial(rest: &str) -> Result<Target, Error> {
+/// Reads the path of a serial port behind a scheme.
+fn path_of(rest: &str, scheme: &str) -> Result<String, Error> {
     let path = decoded(rest).ok_or_else(|| {
         Error::Usage(format!(
             "`{}` is no path of a serial port; a % begins two hexadecimal digits, and is itself written %25",
             shown(rest)
         ))
     })?;
-    checked_path(path)
+    checked_path(path, scheme)
 }
 
-fn checked_path(path: String) -> Result<Target, Error> {
+fn checked_path(path: String, scheme: &str) -> Result<String, Error> {
     if path.is_empty() || path.contains(char::is_control) || path.trim() != path {
         return Err(Error::Usage(format!(
-            "`{}` is no path of a serial port, as {SMD3_SERIAL}:///dev/ttyACM0 names one",
+            "`{}` is no path of a serial port, as {scheme}:///dev/ttyACM0 names one",
             shown(&path)
         )));
     }
-    Ok(Target::Smd3Serial { path })
+    Ok(path)
 }
 
 fn is_com_port(text: &str) -> bool {
@@ -299,6 +367,11 @@ mod tests {
             ("/dev/serial/by-id/usb-AML_SMD3", serial_at("/dev/serial/by-id/usb-AML_SMD3")),
             ("com12", serial_at("com12")),
             ("smd3+tcp://10.0.0.9:4000", tcp),
+            ("smsd+usb:///dev/ttyACM0", Target::SmsdUsb { path: "/dev/ttyACM0".to_owned() }),
+            ("smsd+usb://COM4", Target::SmsdUsb { path: "COM4".to_owned() }),
+            ("smsd+usb+tcp://[::1]:4001", Target::SmsdUsbTcp { host: "::1".to_owned(), port: 4001 }),
+            ("smsd+std://10.0.0.9", Target::SmsdStandard { host: "10.0.0.9".to_owned(), port: 5000 }),
+            ("smsd+std://stage:6000/", Target::SmsdStandard { host: "stage".to_owned(), port: 6000 }),
         ] {
             assert_eq!(Target::parse(text), Ok(target.clone()), "{text}");
             assert_eq!(Target::parse(&target.to_string()), Ok(target), "{text}");
@@ -314,6 +387,14 @@ mod tests {
         assert_eq!(options.password, SmsdOptions::default().password);
         let serial = Target::parse("/dev/ttyACM0").expect("a target");
         assert_eq!((serial.name().as_str(), serial.smsd_options()), ("/dev/ttyACM0", None));
+        assert!(serial.smsd(serial.connect(), SmsdOptions::default()).is_none());
+        for (text, name) in [("smsd+usb:///dev/ttyACM0", "/dev/ttyACM0"), ("smsd+std://stage", "stage:5000")]
+        {
+            let target = Target::parse(text).expect("a target");
+            let options = target.smsd_options().expect("an SMSD");
+            assert_eq!(target.name(), name);
+            assert!(target.smsd(target.connect(), options).is_some());
+        }
     }
 
     #[test]
@@ -322,9 +403,13 @@ mod tests {
             ("stage", "`stage` is no target; write smsd+tcp://HOST"),
             (
                 "ftp://stage",
-                "`ftp` is no kind of target; there are smsd+tcp://, smd3+serial:// and smd3+tcp://",
+                "`ftp` is no kind of target; there are smsd+tcp://, smsd+usb://, smsd+usb+tcp://, smsd+std://, \
+                 smd3+serial:// and smd3+tcp://",
             ),
             ("smd3+tcp://uhv", "`smd3+tcp://uhv` lacks a port"),
+            ("smsd+usb+tcp://stage", "`smsd+usb+tcp://stage` lacks a port"),
+            ("smsd+usb://", "`` is no path of a serial port, as smsd+usb:///dev/ttyACM0"),
+            ("smsd+std://stage?unit=1", "`unit=1` is no setting of a smsd+std:// target; it has none"),
             ("stage?unit=9", "`stage` is no target; write smsd+tcp://HOST"),
             ("stage:502?uint=1", "`uint=1` is no setting of an smsd+tcp:// target"),
             ("stage:502?unit=300", "unit `300` is out of range"),
@@ -352,6 +437,8 @@ mod tests {
             "smsd+tcp://stage?password=hunter2",
             "me:hunter2@stage:502",
             "stage:502?password=hunter2",
+            "smsd+std://stage?password=hunter2",
+            "smsd+usb+tcp://me:hunter2@stage:1",
         ] {
             let words = Target::parse(text).expect_err("refused").to_string();
             assert!(words.contains("environment variable") && !words.contains("hunter2"), "{words}");
@@ -367,8 +454,14 @@ mod tests {
         ];
         let smsd = (host.clone(), 1..=u16::MAX, any::<u8>(), order)
             .prop_map(|(host, port, unit, word_order)| Target::Smsd { host, port, unit, word_order });
-        let tcp = (host, 1..=u16::MAX).prop_map(|(host, port)| Target::Smd3Tcp { host, port });
-        let serial = "/[^\\p{C}\\s]{1,20}( x)?".prop_map(|path| Target::Smd3Serial { path });
+        let tcp = (host, 1..=u16::MAX, 0..3).prop_map(|(host, port, kind)| match kind {
+            0 => Target::Smd3Tcp { host, port },
+            1 => Target::SmsdUsbTcp { host, port },
+            _ => Target::SmsdStandard { host, port },
+        });
+        let serial = ("/[^\\p{C}\\s]{1,20}( x)?", any::<bool>()).prop_map(|(path, smd3)| {
+            if smd3 { Target::Smd3Serial { path } } else { Target::SmsdUsb { path } }
+        });
         prop_oneof![smsd, tcp, serial]
     }
 
@@ -384,7 +477,7 @@ mod tests {
         }
 
         #[test]
-        fn what_is_read_displays_and_reads_again(text in "(smsd\\+tcp://|smd3\\+serial://|smd3\\+tcp://)?[ -~é]{0,24}") {
+        fn what_is_read_displays_and_reads_again(text in "(smsd\\+(tcp|usb|usb\\+tcp|std)://|smd3\\+(serial|tcp)://)?[ -~é]{0,24}") {
             if let Ok(target) = Target::parse(&text) {
                 prop_assert_eq!(Target::parse(&target.to_string()), Ok(target));
             }

@@ -206,7 +206,7 @@ fn limits(written: &Spanned<[f64; 2]>) -> Result<SoftLimits, Misplaced> {
 }
 
 fn password(axis: &WrittenAxis, target: &Target, folder: &Path) -> Result<Password, Misplaced> {
-    let is_smsd = matches!(target, Target::Smsd { .. });
+    let is_smsd = target.smsd_options().is_some();
     let none = "an SMD3 has no password; leave this out";
     match (&axis.password_env, &axis.password_file) {
         (None, None) => Ok(Password::Factory),

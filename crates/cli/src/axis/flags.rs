@@ -7,7 +7,7 @@ use crate::terminal::{print, print_json};
 use serde_json::{Value, json};
 use stepdrive_host::Error;
 use stepdrive_host::axis::Fault;
-use stepdrive_host::smsd::SmsdClient;
+use stepdrive_host::smsd::Smsd;
 use stepdrive_spec::smd3::flags::{ERROR_FLAGS, FlagBits, FlagInfo, STATUS_FLAGS};
 use stepdrive_spec::smsd::registers::Reg;
 
@@ -91,7 +91,7 @@ pub(crate) fn flags(args: &FlagsArgs) -> Result<(), Failure> {
     })
 }
 
-async fn of_smsd(client: &SmsdClient) -> Result<Vec<Flag>, Error> {
+async fn of_smsd(client: &dyn Smsd) -> Result<Vec<Flag>, Error> {
     let values = client.read_many(&SMSD_FLAGS).await?;
     let flag = |(reg, value): (&Reg, i64)| {
         let row = reg.info();

@@ -2,6 +2,7 @@
 
 use super::names::{instead, shown};
 use std::fmt;
+pub(crate) use stepdrive_host::settings::{plural, unit};
 use stepdrive_spec::modbus::Table;
 use stepdrive_spec::smsd::registers::{REGISTERS, Reg, Register};
 
@@ -88,23 +89,6 @@ pub(crate) fn hex(row: &Register, value: i64) -> String {
     format!("{value:#0digits$X}")
 }
 
-/// A unit of the tables as it stands behind a number: with its space, in the plural, and with a sign between two numbers.
-pub(crate) fn unit(unit: &str) -> String {
-    match unit.chars().next() {
-        None => String::new(),
-        Some(first) if first.is_ascii_digit() => format!(" × {unit}"),
-        Some(_) => format!(" {}", plural(unit)),
-    }
-}
-
-/// A unit of the tables by itself, in the plural.
-pub(crate) fn plural(unit: &str) -> String {
-    match unit.split_once("step") {
-        Some((before, after)) => format!("{before}steps{after}"),
-        None => unit.to_owned(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -138,13 +122,6 @@ mod tests {
         );
         assert_eq!(find("0x0000").expect_err("none"), "there is no register at 0x0000");
         assert_eq!(find("0xZZ").expect_err("none"), "there is no register at 0xZZ");
-    }
-
-    #[test]
-    fn units_are_in_the_plural() {
-        assert_eq!(unit("full step/s"), " full steps/s");
-        assert_eq!((unit("Hz"), unit("")), (" Hz".to_owned(), String::new()));
-        assert_eq!((plural("microstep"), plural("0.1 A")), ("microsteps".to_owned(), "0.1 A".to_owned()));
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! What the numbers of both families mean, in words.
 
 use stepdrive_asm::bare;
-use stepdrive_spec::smd3::commands::{Command, Kind, Mode, Value};
+pub(crate) use stepdrive_host::settings::of_value;
+use stepdrive_host::settings::{choice, inputs, microstepping, motor_type, stop_current, work_current};
+use stepdrive_spec::smd3::commands::{Command, Kind, Value};
 use stepdrive_spec::smd3::flags::{ERROR_FLAGS, FlagBits, FlagInfo, Flags, STATUS_FLAGS};
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
-use stepdrive_spec::smsd::models::{MOTORS, Model};
+use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::registers::{self, Reg, Register};
 use stepdrive_spec::smsd::status::{MotStatus, Status};
 
@@ -19,10 +21,10 @@ const IN_WORDS: [(Reg, Words); 13] = [
     (Reg::Mask, inputs),
     (Reg::Wait, inputs),
     (Reg::ElPos, electrical),
-    (Reg::Microstepping, microstep),
-    (Reg::WorkCurrent, current),
-    (Reg::StopCurrent, hold),
-    (Reg::MotorType, motor),
+    (Reg::Microstepping, microstepping),
+    (Reg::WorkCurrent, work_current),
+    (Reg::StopCurrent, stop_current),
+    (Reg::MotorType, motor_type),
     (Reg::TargetInput, input),
     (Reg::Cmd, command),
     (Reg::CmdBuffer, instruction),
@@ -37,29 +39,6 @@ pub(crate) fn of_register(row: &Register, value: i64) -> String {
         None => choice(row.about, value),
     };
     found.unwrap_or_default()
-}
-
-/// What a value of an SMD3 means; empty where it is nothing but a number or a text.
-pub(crate) fn of_value(command: Command, value: Value) -> String {
-    let info = command.info();
-    match value {
-        Value::Bool(on) => {
-            choice(info.about, on.into()).unwrap_or_else(|| if on { "on" } else { "off" }.to_owned())
-        }
-        Value::Uint(value) => {
-            let found = i64::try_from(value).ok().and_then(|value| choice(info.about, value));
-            found.unwrap_or_default()
-        }
-        Value::Mode(mode) => mode.name().to_owned(),
-        Value::Sign(positive) => if positive { "positive" } else { "negative" }.to_owned(),
-        Value::Int(_) | Value::Float(_) | Value::Text(_) | Value::FlagTable => String::new(),
-    }
-}
-
-/// The name of a mode; empty when there is none of this number.
-pub(crate) fn mode(number: i64) -> String {
-    let mode = u32::try_from(number).ok().and_then(Mode::from_number);
-    mode.map_or_else(String::new, |mode| mode.name().to_owned())
 }
 
 /// The names of all flags that are set, `none` when there are none.
@@ -125,17 +104,6 @@ fn status(value: i64) -> Option<String> {
     Some(set.chain([way, motion]).collect::<Vec<&str>>().join(", "))
 }
 
-fn inputs(value: i64) -> Option<String> {
-    let value = word(value)?;
-    let names: Vec<&str> =
-        Input::ALL.into_iter().filter(|input| value & u16::from(input.bit()) != 0).map(Input::name).collect();
-    Some(match names.len() {
-        0 => "none".to_owned(),
-        8 => "all".to_owned(),
-        _ => names.join(", "),
-    })
-}
-
 fn input(value: i64) -> Option<String> {
     Input::from_number(word(value)?).map(|input| input.name().to_owned())
 }
@@ -144,36 +112,8 @@ fn electrical(value: i64) -> Option<String> {
     word(value).map(|value| format!("full step {}, {}/128", value >> 7 & 3, value & 0x7F))
 }
 
-fn microstep(value: i64) -> Option<String> {
-    (0..=7).contains(&value).then(|| format!("1/{}", 1_i64 << value))
-}
-
-fn current(value: i64) -> Option<String> {
-    word(value).map(|value| format!("{}.{} A", value / 10, value % 10))
-}
-
-fn hold(value: i64) -> Option<String> {
-    (0..=3).contains(&value).then(|| format!("{} % of WORK_CURRENT", 25 * (value + 1)))
-}
-
 fn command(value: i64) -> Option<String> {
     Opcode::from_cmd(word(value)?).map(|opcode| opcode.to_string())
-}
-
-fn motor(value: i64) -> Option<String> {
-    let number = word(value)?;
-    let motor = MOTORS.iter().find(|motor| motor.type_80 == number)?;
-    // The models number some motors differently; which model it is, is not known here.
-    let other = MOTORS.iter().find(|motor| motor.type_42 == Some(number));
-    if other.is_some_and(|other| other != motor) {
-        return None;
-    }
-    if motor.current_ma == 0 {
-        return Some(motor.name.to_owned());
-    }
-    let ohms = f64::from(motor.resistance_mohm) / 1e3;
-    let amperes = f64::from(motor.current_ma) / 1e3;
-    Some(format!("{} {amperes} A, {ohms} Ω", motor.name).trim_start().to_owned())
 }
 
 fn model(value: i64) -> Option<String> {
@@ -199,20 +139,6 @@ fn bit(row: &Register, value: i64) -> String {
 /// What a table says of something, without the full stop.
 pub(crate) fn sentence(about: &str) -> String {
     about.trim_end_matches('.').to_owned()
-}
-
-/// What a number stands for in a row that lists its numbers, as in `Control type: 0 voltage, 1 current.`
-fn choice(about: &str, value: i64) -> Option<String> {
-    let (_, list) = about.trim_end_matches('.').split_once(": ")?;
-    let choices: Option<Vec<(i64, &str)>> = list.split(", ").map(numbered).collect();
-    let choices = choices?;
-    choices.into_iter().find(|(number, _)| *number == value).map(|(_, text)| text.to_owned())
-}
-
-fn numbered(item: &str) -> Option<(i64, &str)> {
-    let (number, text) = item.split_once(' ')?;
-    let listed = text.chars().next().is_some_and(char::is_alphabetic) && !text.starts_with("to ");
-    number.parse().ok().filter(|_| listed).map(|number| (number, text))
 }
 
 #[cfg(test)]
@@ -261,26 +187,6 @@ mod tests {
                 let words = of_register(row, value);
                 assert!(!words.contains('{') && !words.starts_with("to "), "{} {value}: {words}", row.name);
             }
-        }
-    }
-
-    #[test]
-    fn values_of_an_smd3_are_told_in_words() {
-        for (command, value, words) in [
-            (Command::L, Value::Bool(true), "on"),
-            (Command::Lsm, Value::Bool(false), "at once"),
-            (Command::LpPlus, Value::Bool(true), "active low"),
-            (Command::Edge, Value::Uint(1), "both"),
-            (Command::Interp, Value::Uint(0), "a step of the resolution"),
-            (Command::F, Value::Uint(2), "phases shorted"),
-            (Command::Tsel, Value::Uint(1), "RTD"),
-            (Command::Jsmode, Value::Uint(0), "single step"),
-            (Command::Res, Value::Uint(8), ""),
-            (Command::Baket, Value::Uint(150), ""),
-            (Command::Mode, Value::Mode(Mode::Remote), "Remote"),
-            (Command::Vmax, Value::Float(500.0), ""),
-        ] {
-            assert_eq!(of_value(command, value), words, "{command}");
         }
     }
 

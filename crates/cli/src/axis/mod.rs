@@ -34,6 +34,7 @@ pub(crate) use settings::{Command as SettingsCommand, settings};
 pub(crate) use status::{StatusArgs, status};
 pub(crate) use target::{Found, find, find_all};
 pub(crate) use term::{TermArgs, term};
+pub(crate) use trust::{Record, Remembered};
 pub(crate) use values::{GetArgs, SetArgs, get, set};
 pub(crate) use watch::{WatchArgs, watch};
 
@@ -41,12 +42,12 @@ use crate::Failure;
 use std::path::PathBuf;
 use std::time::Duration;
 use stepdrive_host::Timeouts;
-use stepdrive_host::axis::{Axis, DriveAxis, Smd3Motor, SmsdMotor};
-use stepdrive_host::smd3::Smd3Client;
-use stepdrive_host::smsd::SmsdClient;
+use stepdrive_host::axis::Axis;
+pub(crate) use stepdrive_host::settings::Client;
+use stepdrive_panel::Controller;
 use stepdrive_rig::duration;
 use tokio::runtime;
-use trust::{Keep, Record};
+use trust::Keep;
 
 /// Under which these options stand in help texts.
 const HEADING: &str = "Which axis, and how to reach it";
@@ -55,8 +56,8 @@ const HEADING: &str = "Which axis, and how to reach it";
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct AxisArgs {
     /// The axis: its name in stepdrive.toml, or where its controller is, as in `smsd+tcp://HOST:PORT?unit=1`,
-    /// `smd3+serial:///dev/ttyACM0`, `smd3+tcp://HOST:PORT`, `HOST:PORT` (an SMSD), `/dev/ttyACM0` (an SMD3). By default the
-    /// only one in stepdrive.toml.
+    /// `smsd+usb:///dev/ttyACM0`, `smsd+usb+tcp://HOST:PORT`, `smsd+std://HOST:5000`, `smd3+serial:///dev/ttyACM0`,
+    /// `smd3+tcp://HOST:PORT`, `HOST:PORT` (an SMSD), `/dev/ttyACM0` (an SMD3). By default the only one in stepdrive.toml.
     #[arg(short, long, value_name = "NAME|URI", help_heading = HEADING)]
     pub(crate) axis: Option<String>,
     #[command(flatten)]
@@ -109,13 +110,6 @@ pub(crate) struct Opened {
     record: Record,
 }
 
-/// What turns it.
-#[derive(Debug)]
-enum Controller {
-    Smsd(Box<DriveAxis<SmsdMotor>>),
-    Smd3(Box<DriveAxis<Smd3Motor>>),
-}
-
 impl Opened {
     /// What it is called.
     pub(crate) fn name(&self) -> &str {
@@ -124,10 +118,12 @@ impl Opened {
 
     /// What both families can do.
     pub(crate) fn axis(&self) -> &dyn Axis {
-        match &self.controller {
-            Controller::Smsd(axis) => axis.as_ref(),
-            Controller::Smd3(axis) => axis.as_ref(),
-        }
+        self.controller.axis()
+    }
+
+    /// What turns it, and what is remembered of it.
+    pub(crate) fn into_parts(self) -> (Controller, Record) {
+        (self.controller, self.record)
     }
 
     /// Notes that it is about to be moved from here: from now on it may be anywhere.
@@ -144,15 +140,6 @@ impl Opened {
             Controller::Smd3(axis) => Client::Smd3(axis.motor().client()),
         }
     }
-}
-
-/// The client of a controller, by family.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Client<'a> {
-    /// Of an SMSD.
-    Smsd(&'a SmsdClient),
-    /// Of an SMD3.
-    Smd3(&'a Smd3Client),
 }
 
 /// Finds an axis and looks at it. If that shows that its position cannot be trusted any more, the next command will know.

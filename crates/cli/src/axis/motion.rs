@@ -223,10 +223,11 @@ fn dry_run(opened: &Opened, plan: &Plan) -> String {
     } else {
         String::new()
     };
+    let supposed = plan.supposed.as_ref().map_or_else(String::new, |supposed| format!("\n{supposed}"));
     let steps = plain(*full_steps);
     let lines = plan.sent.join("\n  ");
     format!(
-        "{name} would go from {from} to {to}: {distance} ({steps} full steps), {}{rounded}\n\
+        "{name} would go from {from} to {to}: {distance} ({steps} full steps), {}{supposed}{rounded}\n\
          the position is {trust}\nthis would be sent:\n  {lines}\n",
         about(plan.duration)
     )
@@ -236,6 +237,9 @@ fn dry_run_json(opened: &Opened, plan: &Plan) -> Value {
     let mut object = plan_json(opened, plan);
     object.insert("dry_run".to_owned(), true.into());
     object.insert("sent".to_owned(), json!(plan.sent));
+    if let Some(supposed) = &plan.supposed {
+        object.insert("supposed".to_owned(), supposed.as_str().into());
+    }
     object.into()
 }
 

@@ -16,6 +16,10 @@ use stepdrive_host::uri::{DEFAULT_UNIT, Target};
 /// Where the system gives serial ports names that stay the same.
 const BY_ID: &str = "/dev/serial/by-id";
 
+/// How the names of virtual COM ports end in a state folder.
+const SMSD_PORT: &str = "usb";
+const SMD3_PORT: &str = "tty";
+
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   stepdrive ports
@@ -112,10 +116,16 @@ fn drive(drive: &DriveState) -> Drive {
         |text: &String| text.parse::<SocketAddr>().ok().map(|at| (reachable(at).to_string(), at.port()));
     let smsd = drive.modbus_tcp.as_ref().and_then(place);
     let smsd = smsd.map(|(host, port)| Target::Smsd { host, port, unit: DEFAULT_UNIT, word_order: None });
+    let standard = drive.standard_tcp.as_ref().and_then(place);
+    let standard = standard.map(|(host, port)| Target::SmsdStandard { host, port });
+    let usb = drive.usb.clone().map(|path| Target::SmsdUsb { path });
+    let usb_tcp = drive.usb_tcp.as_ref().and_then(place);
+    let usb_tcp = usb_tcp.map(|(host, port)| Target::SmsdUsbTcp { host, port });
     let serial = drive.serial.clone().map(|path| Target::Smd3Serial { path });
     let lines = drive.serial_tcp.as_ref().and_then(place);
     let lines = lines.map(|(host, port)| Target::Smd3Tcp { host, port });
-    let targets = [smsd, serial, lines].into_iter().flatten().map(|target| target.to_string());
+    let targets = [smsd, standard, usb, usb_tcp, serial, lines];
+    let targets = targets.into_iter().flatten().map(|target| target.to_string());
     Drive { name: drive.name.clone(), model: drive.model.clone(), targets: targets.collect() }
 }
 
@@ -137,8 +147,13 @@ fn system_port(path: &Path, names: &[(PathBuf, String)]) -> Port {
 }
 
 fn port(path: &Path, kind: &'static str, about: String) -> Port {
-    let path = path.display().to_string();
-    Port { target: Target::Smd3Serial { path: path.clone() }.to_string(), path, kind, about }
+    let shown = path.display().to_string();
+    let target = if path.extension().is_some_and(|extension| extension == SMSD_PORT) {
+        Target::SmsdUsb { path: shown.clone() }
+    } else {
+        Target::Smd3Serial { path: shown.clone() }
+    };
+    Port { target: target.to_string(), path: shown, kind, about }
 }
 
 /// The devices behind the names that stay the same, and these names.
@@ -165,7 +180,8 @@ fn virtual_ports(state: &Path) -> Vec<Port> {
 
 fn is_port(file: &Path) -> bool {
     // A name whose rig has ended leads nowhere.
-    file.extension().is_some_and(|extension| extension == "tty") && file.is_symlink() && file.exists()
+    let is_named = file.extension().is_some_and(|extension| extension == SMSD_PORT || extension == SMD3_PORT);
+    is_named && file.is_symlink() && file.exists()
 }
 
 /// The drive that a virtual port is of.
@@ -188,9 +204,12 @@ mod tests {
         fs::create_dir(&rig).expect("made");
         symlink("/dev/null", rig.join("uhv.tty")).expect("made");
         symlink("/dev/pts/no-such", rig.join("gone.tty")).expect("made");
+        symlink("/dev/null", rig.join("stage.usb")).expect("made");
         fs::write(rig.join("file.tty"), "").expect("written");
         fs::write(state.path().join("lock"), "").expect("written");
-        let [port] = virtual_ports(state.path()).try_into().expect("one");
+        let [usb, port] = virtual_ports(state.path()).try_into().expect("two");
+        assert_eq!((usb.kind, usb.about.as_str()), ("virtual", "stage of the rig demo"));
+        assert!(usb.target.starts_with("smsd+usb:///") && usb.target.ends_with("/demo/stage.usb"));
         assert_eq!((port.kind, port.about.as_str()), ("virtual", "uhv of the rig demo"));
         assert!(port.target.starts_with("smd3+serial:///") && port.target.ends_with("/demo/uhv.tty"));
         assert!(virtual_ports(&state.path().join("none")).is_empty());

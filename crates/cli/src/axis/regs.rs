@@ -1,7 +1,6 @@
 //! `stepdrive regs`: everything that a controller shows, decoded.
 
 use super::map::{hex, slots, table_name, unit, written};
-use super::settings::key::{Family, Key, printed, resolution_of};
 use super::{AxisArgs, Client, Opened, look_at, meaning};
 use crate::Failure;
 use crate::axis::settings::number;
@@ -9,8 +8,9 @@ use crate::rig::table::{Align, table, text};
 use crate::terminal::{print, print_json};
 use serde::Serialize;
 use serde_json::Value as Json;
+use stepdrive_host::settings::{Family, Key, printed, resolution_of};
 use stepdrive_host::smd3::Smd3Client;
-use stepdrive_host::smsd::{Reading, SmsdClient};
+use stepdrive_host::smsd::{Reading, Smsd};
 use stepdrive_host::{Error, LineError};
 use stepdrive_spec::smd3::commands::{Access, COMMANDS, Command, CommandInfo, Value};
 use stepdrive_spec::smsd::registers::{self, REGISTERS, Reg, Register};
@@ -118,18 +118,22 @@ fn meaning_of(row: &Row) -> String {
     }
 }
 
-async fn of_smsd(client: &SmsdClient) -> Result<Vec<Row>, Failure> {
+async fn of_smsd(client: &dyn Smsd) -> Result<Vec<Row>, Failure> {
     let readings = client.read_all().await?;
-    Ok(REGISTERS.iter().flat_map(|row| smsd_rows(row, &readings)).collect())
+    Ok(REGISTERS.iter().flat_map(|row| smsd_rows(client, row, &readings)).collect())
 }
 
 /// The lines of a row of the map: one, or one for each register that is of interest by itself.
-fn smsd_rows(row: &'static Register, readings: &[Reading]) -> Vec<Row> {
+fn smsd_rows(client: &dyn Smsd, row: &'static Register, readings: &[Reading]) -> Vec<Row> {
     let own: Vec<&Reading> = readings.iter().filter(|reading| reading.reg == row.id).collect();
     let values: Vec<i64> = own.iter().map(|reading| reading.value).collect();
     let name = row.name.replace("{}", "").trim_end().to_owned();
     match values.as_slice() {
-        [] => vec![Row { shown: "-".to_owned(), ..smsd_row(row, row.address, name, Json::Null) }],
+        [] => {
+            let tells = matches!(row.access, registers::Access::Read | registers::Access::ReadWrite);
+            let error = client.check_readable(row.id).err().filter(|_| tells).map(|why| why.to_string());
+            vec![Row { error, shown: "-".to_owned(), ..smsd_row(row, row.address, name, Json::Null) }]
+        }
         [value] => vec![smsd_value(row, *value)],
         [first, rest @ ..] if row.id == Reg::CmdBuffer => {
             if rest.iter().all(|value| value == first) {

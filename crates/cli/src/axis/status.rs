@@ -6,6 +6,7 @@ use crate::terminal::{print, print_json};
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
 use stepdrive_host::axis::{Axis, AxisState};
+use stepdrive_host::smsd::ProgramState;
 use stepdrive_host::trust::Trust;
 use stepdrive_host::units::{Amount, Decimal, Unit};
 
@@ -54,11 +55,15 @@ struct Seen {
 async fn mode(opened: &Opened) -> Result<String, Failure> {
     Ok(match opened.client() {
         Client::Smsd(client) => {
-            let program = client.program().await?;
-            if program.running {
-                format!("the user program of mem{} runs, at line {}", program.area, program.line)
-            } else {
-                "commands".to_owned()
+            let ProgramState { running, area, line, .. } = client.program().await?;
+            match running {
+                Some(true) => format!("the user program of mem{area} runs, at line {line}"),
+                Some(false) => "commands".to_owned(),
+                None => {
+                    format!(
+                        "commands, or the user program at mem{area}:{line}; the standard protocol does not tell which"
+                    )
+                }
             }
         }
         Client::Smd3(client) => client.mode().await?.name().to_owned(),

@@ -8,12 +8,13 @@ use crate::Failure;
 use etcetera::BaseStrategy;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use stepdrive_host::axis::{DriveAxis, Motor, Smd3Motor, SmsdMotor, SoftLimits};
 use stepdrive_host::smd3::Smd3Client;
-use stepdrive_host::smsd::{SmsdClient, SmsdOptions};
+use stepdrive_host::smsd::{Smsd, SmsdOptions};
 use stepdrive_host::units::Scale;
 use stepdrive_host::uri::Target;
-use stepdrive_host::{BoxFuture, Connect, Serial, Stream, Tcp};
+use stepdrive_host::{BoxFuture, Connect, Stream};
 
 /// The file in which axes are described.
 const FILE: &str = "stepdrive.toml";
@@ -172,7 +173,11 @@ impl Found {
     fn at(target: Target) -> Found {
         let name = match &target {
             Target::Smd3Serial { path } => path.clone(),
-            Target::Smsd { .. } | Target::Smd3Tcp { .. } => target.to_string(),
+            Target::Smsd { .. }
+            | Target::SmsdUsb { .. }
+            | Target::SmsdUsbTcp { .. }
+            | Target::SmsdStandard { .. }
+            | Target::Smd3Tcp { .. } => target.to_string(),
         };
         let (scale, limits, password) = (Scale::STEPS, SoftLimits::OFF, Password::Factory);
         Found { name, target, profile: None, scale, limits, password }
@@ -189,39 +194,26 @@ impl Found {
     /// Opens it. It connects when it is first asked for something.
     pub(crate) fn open(self, reach: &Reach) -> Result<Opened, Failure> {
         let record = Record::of(&self.target);
-        let controller = match &self.target {
-            Target::Smsd { host, port, unit, word_order } => {
-                let options = SmsdOptions {
-                    unit: *unit,
-                    word_order: *word_order,
-                    timeouts: reach.timeouts(),
-                    ..SmsdOptions::default()
-                };
-                let password = self.password(reach)?.unwrap_or(options.password);
-                let client =
-                    SmsdClient::new(self.line(Tcp::new(host, *port)), SmsdOptions { password, ..options });
-                Controller::Smsd(self.axis(SmsdMotor::new(&self.name, client), &record))
-            }
-            Target::Smd3Serial { path } => Controller::Smd3(self.smd3(Serial::new(path), reach, &record)),
-            Target::Smd3Tcp { host, port } => {
-                Controller::Smd3(self.smd3(Tcp::new(host, *port), reach, &record))
-            }
+        let controller = if let Some(driver) = self.smsd(reach)? {
+            Controller::Smsd(self.axis(SmsdMotor::new(&self.name, driver), &record))
+        } else {
+            let client = Smd3Client::new(self.line(self.target.connect()), reach.timeouts());
+            Controller::Smd3(self.axis(Smd3Motor::new(client), &record))
         };
         Ok(Opened { found: self, controller, record })
     }
 
-    fn smd3(
-        &self,
-        line: impl Connect + 'static,
-        reach: &Reach,
-        record: &Record,
-    ) -> Box<DriveAxis<Smd3Motor>> {
-        self.axis(Smd3Motor::new(Smd3Client::new(self.line(line), reach.timeouts())), record)
+    /// The driver of the SMSD that it is; `None` when it is none.
+    fn smsd(&self, reach: &Reach) -> Result<Option<Box<dyn Smsd>>, Failure> {
+        let Some(factory) = self.target.smsd_options() else { return Ok(None) };
+        let password = self.password(reach)?.unwrap_or(factory.password);
+        let options = SmsdOptions { password, timeouts: reach.timeouts(), ..factory };
+        Ok(self.target.smsd(self.line(self.target.connect()), options))
     }
 
-    fn axis<M: Motor>(&self, motor: M, record: &Record) -> Box<DriveAxis<M>> {
+    fn axis<M: Motor>(&self, motor: M, record: &Record) -> Arc<DriveAxis<M>> {
         let axis = DriveAxis::new(motor).with_scale(self.scale).with_limits(self.limits);
-        Box::new(axis.with_trust(record.state()))
+        Arc::new(axis.with_trust(record.state()))
     }
 
     /// The password that is given for it; `None` for the factory's.

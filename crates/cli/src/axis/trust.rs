@@ -7,8 +7,10 @@ use crate::terminal::tell;
 use std::cell::RefCell;
 use std::fs;
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 use stepdrive_host::trust::TrustState;
 use stepdrive_host::uri::Target;
+use stepdrive_panel::{Keeper, Kept};
 
 /// What is remembered of one controller.
 #[derive(Debug)]
@@ -100,7 +102,45 @@ fn named(target: &Target) -> String {
         Target::Smsd { host, port, unit, .. } => {
             Target::Smsd { host: host.clone(), port: *port, unit: *unit, word_order: None }.to_string()
         }
-        Target::Smd3Serial { .. } | Target::Smd3Tcp { .. } => target.to_string(),
+        Target::SmsdUsb { .. }
+        | Target::SmsdUsbTcp { .. }
+        | Target::SmsdStandard { .. }
+        | Target::Smd3Serial { .. }
+        | Target::Smd3Tcp { .. } => target.to_string(),
+    }
+}
+
+/// A record for a program that lasts, in which several tasks look at an axis and act on it.
+pub(crate) struct Remembered {
+    record: Mutex<Record>,
+    /// What was kept last.
+    last: Mutex<Option<TrustState>>,
+}
+
+impl Remembered {
+    /// Remembers in a record.
+    pub(crate) fn new(record: Record) -> Remembered {
+        Remembered { record: Mutex::new(record), last: Mutex::new(None) }
+    }
+}
+
+impl Keeper for Remembered {
+    fn keep(&self, trust: TrustState, why: Kept) {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if *last == Some(trust) && why != Kept::Zeroed {
+            return;
+        }
+        *last = Some(trust);
+        let keep = match why {
+            Kept::Looked => Keep::Doubts,
+            Kept::Acted => Keep::Acts,
+            Kept::Zeroed => Keep::Zero,
+        };
+        self.record.lock().unwrap_or_else(PoisonError::into_inner).keep(trust, keep);
+    }
+
+    fn news(&self) -> Option<TrustState> {
+        self.record.lock().unwrap_or_else(PoisonError::into_inner).news()
     }
 }
 

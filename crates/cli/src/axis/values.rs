@@ -8,7 +8,7 @@ use crate::terminal::{print, print_json};
 use serde_json::{Value as Json, json};
 use stepdrive_host::Error;
 use stepdrive_host::smd3::Smd3Client;
-use stepdrive_host::smsd::SmsdClient;
+use stepdrive_host::smsd::Smsd;
 use stepdrive_spec::smd3::commands::{self, COMMANDS, Command, Value};
 use stepdrive_spec::smsd::registers::{self, Reg};
 
@@ -120,9 +120,9 @@ fn slot(name: &str) -> Result<Slot, Failure> {
     map::find(name).map_err(Failure::Usage)
 }
 
-async fn registers(client: &SmsdClient, names: &[String]) -> Result<Vec<Reading>, Failure> {
+async fn registers(client: &dyn Smsd, names: &[String]) -> Result<Vec<Reading>, Failure> {
     // A name that is wrong is told before anything is read.
-    let slots = names.iter().map(|name| readable(name)).collect::<Result<Vec<Slot>, Failure>>()?;
+    let slots = names.iter().map(|name| readable(client, name)).collect::<Result<Vec<Slot>, Failure>>()?;
     let mut readings = Vec::new();
     for slot in slots {
         let value = client.read_at(slot.reg, slot.index).await?;
@@ -131,15 +131,10 @@ async fn registers(client: &SmsdClient, names: &[String]) -> Result<Vec<Reading>
     Ok(readings)
 }
 
-fn readable(name: &str) -> Result<Slot, Failure> {
+fn readable(client: &dyn Smsd, name: &str) -> Result<Slot, Failure> {
     let slot = slot(name)?;
-    match slot.row().access {
-        registers::Access::Read | registers::Access::ReadWrite => Ok(slot),
-        registers::Access::Secret => Err(Failure::Usage(format!("{slot} is secret and reads as 0"))),
-        registers::Access::Trigger => {
-            Err(Failure::Usage(format!("{slot} is done, and tells nothing when it is read")))
-        }
-    }
+    client.check_readable(slot.reg)?;
+    Ok(slot)
 }
 
 fn register(slot: Slot, value: i64) -> Reading {
@@ -153,7 +148,7 @@ fn register(slot: Slot, value: i64) -> Reading {
     }
 }
 
-async fn set_register(client: &SmsdClient, name: &str, value: &str) -> Result<Reading, Failure> {
+async fn set_register(client: &dyn Smsd, name: &str, value: &str) -> Result<Reading, Failure> {
     let slot = slot(name)?;
     if let Some(instead) = instead_of(slot) {
         return Err(Failure::Usage(format!(
@@ -162,6 +157,10 @@ async fn set_register(client: &SmsdClient, name: &str, value: &str) -> Result<Re
     }
     let value = whole(&slot.to_string(), value)?;
     client.write_at(slot.reg, slot.index, value).await?;
+    if client.check_readable(slot.reg).is_err() {
+        let meaning = "taken; this line does not read it back".to_owned();
+        return Ok(Reading { meaning, ..register(slot, value) });
+    }
     let found = client.read_at(slot.reg, slot.index).await?;
     if found == value {
         return Ok(register(slot, found));

@@ -1,6 +1,7 @@
 //! `stepdrive program store`, `fetch`, `start` and `stop`: the programs in an SMSD's memory.
 
 use super::files::{Memories, Program};
+use super::follow::{Listing, watch};
 use super::{plural, show};
 use crate::axis::progress::Progress;
 use crate::axis::{AxisArgs, Client, Opened, act_on, look_at};
@@ -10,7 +11,7 @@ use serde_json::json;
 use std::path::PathBuf;
 use stepdrive_asm::{Image, disassemble};
 use stepdrive_host::Error;
-use stepdrive_host::smsd::SmsdClient;
+use stepdrive_host::smsd::Smsd;
 use stepdrive_spec::smsd::instructions::{Instruction, PROGRAM_AREAS};
 
 #[derive(Debug, clap::Args)]
@@ -68,7 +69,7 @@ pub(crate) struct StopArgs {
 }
 
 /// The client of an SMSD; programs are for no other.
-pub(super) fn smsd(opened: &Opened) -> Result<&SmsdClient, Failure> {
+pub(super) fn smsd(opened: &Opened) -> Result<&dyn Smsd, Failure> {
     match opened.client() {
         Client::Smsd(client) => Ok(client),
         Client::Smd3(_) => {
@@ -110,12 +111,12 @@ pub(super) fn store(args: &StoreArgs) -> Result<(), Failure> {
     })
 }
 
-async fn store_one(client: &SmsdClient, memory: u8, instructions: &[Instruction]) -> Result<(), Error> {
+async fn store_one(client: &dyn Smsd, memory: u8, instructions: &[Instruction]) -> Result<(), Error> {
     let mut progress = Progress::new(format!("storing memory {memory}"));
     // Written, and read back.
     let all = 2 * instructions.len();
     progress.show(0, all);
-    client.store_program_with(memory, instructions, |count| progress.show(count, all)).await
+    client.store_program_with(memory, instructions, &mut |count| progress.show(count, all)).await
 }
 
 /// The error for a memory that could not be stored, when others had been.
@@ -156,11 +157,11 @@ pub(super) fn fetch(args: &FetchArgs) -> Result<(), Failure> {
     })
 }
 
-async fn fetch_one(client: &SmsdClient, memory: usize) -> Result<Vec<u32>, Error> {
+async fn fetch_one(client: &dyn Smsd, memory: usize) -> Result<Vec<u32>, Error> {
     let mut progress = Progress::new(format!("reading memory {memory}"));
     let most = stepdrive_spec::smsd::instructions::PROGRAM_LINES;
     let area = u8::try_from(memory).unwrap_or(u8::MAX);
-    let instructions = client.fetch_program_with(area, |count| progress.show(count, most)).await?;
+    let instructions = client.fetch_program_with(area, &mut |count| progress.show(count, most)).await?;
     Ok(instructions.iter().map(|instruction| instruction.word()).collect())
 }
 
@@ -173,12 +174,12 @@ pub(super) fn start(args: &StartArgs) -> Result<(), Failure> {
     let json = args.axis.reach.json;
     act_on(&args.axis, async |opened| {
         let client = smsd(opened)?;
-        let listing =
-            if args.follow { super::follow::listing(client, &[args.mem]).await } else { Image::new() };
-        client.start_program(args.mem).await?;
         if args.follow {
-            return super::follow::watch(opened, client, listing, json).await;
+            let listing = Listing::read(client, Some(args.mem)).await;
+            client.start_program(args.mem).await?;
+            return watch(opened, client, listing, json).await;
         }
+        client.start_program(args.mem).await?;
         if json {
             return print_json(&json!({ "axis": opened.name(), "started": args.mem }));
         }
@@ -197,7 +198,11 @@ pub(super) fn stop(args: &StopArgs) -> Result<(), Failure> {
             return print_json(&json!({ "axis": opened.name(), "ran": ran, "moving": moving }));
         }
         let name = opened.name();
-        let program = if ran { "the program was stopped" } else { "no program ran" };
+        let program = match ran {
+            Some(true) => "the program was stopped",
+            Some(false) => "no program ran",
+            None => "the program was stopped, if one ran",
+        };
         let motor = if moving { "; the motor goes on as it was, `stepdrive stop` stops it" } else { "" };
         print(&format!("{name}: {program}{motor}\n"))
     })

@@ -10,12 +10,17 @@ use serde_json::json;
 use std::time::Duration;
 use stepdrive_asm::{Image, Place, bare};
 use stepdrive_host::Error;
-use stepdrive_host::smsd::{ProgramState, SmsdClient, Snapshot};
-use stepdrive_spec::smsd::instructions::Instruction;
+use stepdrive_host::smsd::{ProgramState, Smsd, Snapshot};
+use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
+use stepdrive_spec::smsd::registers::Reg;
 use tokio::time::{Instant, sleep};
 
 /// Time between two looks.
 const PACE: Duration = Duration::from_millis(20);
+
+/// What is to be known where it is not told whether a program runs.
+const UNTOLD: &str = "this line does not tell whether a program runs; its end is seen at END, behind its last line, and when \
+                      an instruction was refused; Ctrl-C ends the looking";
 
 /// Columns of the lines.
 const HEADING: &str = "      time  line      position  speed  instruction\n";
@@ -35,32 +40,61 @@ pub(crate) struct FollowArgs {
 pub(super) fn follow(args: &FollowArgs) -> Result<(), Failure> {
     look_at(&args.axis, async |opened| {
         let client = smsd(opened)?;
-        if !client.program().await?.running {
-            return end(opened, client, args.axis.reach.json, Seen::Nothing).await;
+        let state = client.program().await?;
+        let nothing = || end(opened, client, args.axis.reach.json, Seen::Nothing);
+        if state.running == Some(false) {
+            return nothing().await;
         }
-        let listing = listing(client, &[0, 1, 2, 3]).await;
+        let listing = Listing::read(client, None).await;
+        if listing.ends_at(state) {
+            return nothing().await;
+        }
         watch(opened, client, listing, args.axis.reach.json).await
     })
 }
 
 /// The programs, so that lines can be shown as text. What cannot be read now is not shown.
-pub(super) async fn listing(client: &SmsdClient, memories: &[u8]) -> Image {
-    let mut image = Image::new();
-    for memory in memories {
-        if let Ok(instructions) = client.fetch_program(*memory).await {
-            let words: Vec<u32> = instructions.iter().map(|line| line.word()).collect();
-            // A controller's memory is no longer than an image's.
-            let _ = image.set_area((*memory).into(), &words);
+pub(super) struct Listing {
+    image: Image,
+    /// The memories that could be read.
+    read: Vec<u8>,
+}
+
+impl Listing {
+    /// Reads the programs that may run: that of `first`, and others to which it may jump; all where it is not known.
+    pub(super) async fn read(client: &dyn Smsd, first: Option<u8>) -> Listing {
+        // Where it is not told whether a program runs, that is seen by its text, wherever it jumps to.
+        let first = first.filter(|_| client.check_readable(Reg::ProgramRun).is_ok());
+        let mut listing = Listing { image: Image::new(), read: Vec::new() };
+        for memory in (0..4).filter(|memory| first.is_none_or(|first| first == *memory)) {
+            if let Ok(instructions) = client.fetch_program(memory).await {
+                let words: Vec<u32> = instructions.iter().map(|line| line.word()).collect();
+                // A controller's memory is no longer than an image's.
+                let _ = listing.image.set_area(memory.into(), &words);
+                listing.read.push(memory);
+            }
         }
+        listing
     }
-    image
+
+    fn instruction(&self, place: Place) -> Option<Instruction> {
+        self.image.word(place).and_then(|word| Instruction::from_word(word).ok())
+    }
+
+    /// Whether the program has ended, where it is not told whether one runs: it stands at `END`, or behind the last line.
+    fn ends_at(&self, state: ProgramState) -> bool {
+        let Some(place) = place(state).filter(|place| self.read.contains(&place.memory)) else {
+            return false;
+        };
+        state.running.is_none() && self.instruction(place).is_none_or(|line| line.opcode == Opcode::End)
+    }
 }
 
 /// Prints every line that is seen running, until the program ends or the person has seen enough.
 pub(super) async fn watch(
     opened: &Opened,
-    client: &SmsdClient,
-    listing: Image,
+    client: &dyn Smsd,
+    listing: Listing,
     json: bool,
 ) -> Result<(), Failure> {
     let enough =
@@ -68,16 +102,24 @@ pub(super) async fn watch(
     tokio::pin!(enough);
     let before = client.status().await?.cmd_error;
     let mut view = View { listing, json, began: Instant::now(), last: None };
+    if client.check_readable(Reg::ProgramRun).is_err() {
+        tell(&format!("{}: {UNTOLD}", opened.name()));
+    }
     if !json {
         print(HEADING)?;
     }
+    let mut ended_before = false;
     loop {
         let state = client.program().await?;
-        if !state.running {
+        let motor = client.snapshot().await?;
+        let refused = state.running.is_none() && motor.status.cmd_error && !before;
+        let ended = refused || view.listing.ends_at(state);
+        // By its text alone it has ended only when it is there still: it may be about to begin.
+        if state.running == Some(false) || ended && ended_before {
             // What was refused before has nothing to do with this program.
             return end(opened, client, json, if before { Seen::Run } else { Seen::RunWithoutError }).await;
         }
-        let motor = client.snapshot().await?;
+        ended_before = ended;
         view.show(state, &motor)?;
         tokio::select! {
             () = &mut enough => {
@@ -90,7 +132,7 @@ pub(super) async fn watch(
 }
 
 struct View {
-    listing: Image,
+    listing: Listing,
     json: bool,
     began: Instant,
     last: Option<Place>,
@@ -102,8 +144,7 @@ impl View {
         let Some(place) = place(state).filter(|place| Some(*place) != self.last) else { return Ok(()) };
         self.last = Some(place);
         let seconds = self.began.elapsed().as_secs_f64();
-        let instruction = self.listing.word(place).and_then(|word| Instruction::from_word(word).ok());
-        let instruction = instruction.map(bare);
+        let instruction = self.listing.instruction(place).map(bare);
         if self.json {
             return print_json(&json!({
                 "event": "line",
@@ -141,7 +182,7 @@ enum Seen {
 }
 
 /// Says how the program ended.
-async fn end(opened: &Opened, client: &SmsdClient, json: bool, seen: Seen) -> Result<(), Failure> {
+async fn end(opened: &Opened, client: &dyn Smsd, json: bool, seen: Seen) -> Result<(), Failure> {
     let motor = client.snapshot().await?;
     let state = client.program().await?;
     let line = place(state).map(|place| place.to_string()).unwrap_or_default();

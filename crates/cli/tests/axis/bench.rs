@@ -68,6 +68,20 @@ impl Bench {
         bench
     }
 
+    /// With `stage` at its USB port.
+    pub(crate) fn over_usb() -> Bench {
+        let lan = "modbus_tcp = \"127.0.0.1:0\"\n";
+        let ports = format!("{lan}usb = \"pty:stage.usb\"\nusb_tcp = \"127.0.0.1:0\"\n");
+        let bench = Bench { rig: rig::Bench::with(&BOTH.replace(lan, &ports)) };
+        let port = bench.ready(0)["usb"].as_str().expect("a port").to_owned();
+        let text = format!(
+            "[axis.stage]\nuri = \"smsd+usb://{port}\"\nunit = \"mm\"\nper_turn = 5\nsteps_per_rev = 200\n\
+             limits = [-10, 200]\nprofile = \"stage.profile.toml\"\n"
+        );
+        bench.write("stepdrive.toml", &text);
+        bench
+    }
+
     /// Where the drive with this number is reached over TCP.
     pub(crate) fn address(&self, number: usize) -> SocketAddr {
         self.rig.address(number)

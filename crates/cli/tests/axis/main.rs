@@ -26,5 +26,6 @@ mod trouble;
 #[path = "../up/bench.rs"]
 #[allow(dead_code, reason = "each test program uses a part of it")]
 mod up;
+mod usb;
 mod values;
 mod watch;

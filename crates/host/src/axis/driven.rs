@@ -265,6 +265,7 @@ impl<M: Motor> DriveAxis<M> {
             full_steps,
             rounded,
             duration: plan::duration(full_steps, &profile),
+            supposed: setup.supposed.clone(),
             sent: self.motor.sent_for(order).await?,
             trust: self.watched().trust.trust(),
         })

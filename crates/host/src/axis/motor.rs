@@ -64,7 +64,7 @@ pub struct Profile {
 }
 
 /// How a controller is set up for motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// The profile in force.
     pub profile: Profile,
@@ -74,6 +74,8 @@ pub struct Setup {
     pub range: (i64, i64),
     /// The farthest that one motion goes, in such parts.
     pub reach: i64,
+    /// What of the profile is not known but supposed, in words.
+    pub supposed: Option<String>,
 }
 
 /// A motion, in parts of a full step.

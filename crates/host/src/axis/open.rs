@@ -5,7 +5,7 @@ use super::smd3::Smd3Motor;
 use super::smsd::SmsdMotor;
 use super::{Axis, DriveAxis};
 use crate::smd3::Smd3Client;
-use crate::smsd::{SmsdClient, SmsdOptions};
+use crate::smsd::SmsdOptions;
 use crate::trust::TrustState;
 use crate::units::Scale;
 use crate::uri::Target;
@@ -41,11 +41,9 @@ impl Default for AxisOptions {
 
 /// The axis of a target. Nothing is opened yet.
 pub fn open(target: &Target, options: &AxisOptions) -> Box<dyn Axis> {
-    match target {
-        Target::Smsd { .. } => boxed(SmsdMotor::new(&target.name(), smsd_client(target, options)), options),
-        Target::Smd3Serial { .. } | Target::Smd3Tcp { .. } => {
-            boxed(Smd3Motor::new(Smd3Client::new(target.connect(), options.timeouts)), options)
-        }
+    match target.smsd(target.connect(), smsd_options(target, options)) {
+        Some(driver) => boxed(SmsdMotor::new(&target.name(), driver), options),
+        None => boxed(Smd3Motor::new(Smd3Client::new(target.connect(), options.timeouts)), options),
     }
 }
 
@@ -54,12 +52,11 @@ fn boxed<M: super::Motor + 'static>(motor: M, options: &AxisOptions) -> Box<dyn 
     Box::new(axis.with_trust(options.trust))
 }
 
-fn smsd_client(target: &Target, options: &AxisOptions) -> SmsdClient {
+fn smsd_options(target: &Target, options: &AxisOptions) -> SmsdOptions {
     let factory = target.smsd_options().unwrap_or_default();
-    let smsd = SmsdOptions {
+    SmsdOptions {
         password: options.password.unwrap_or(factory.password),
         timeouts: options.timeouts,
         ..factory
-    };
-    SmsdClient::new(target.connect(), smsd)
+    }
 }

@@ -22,6 +22,8 @@ pub struct Plan {
     pub rounded: bool,
     /// How long it will take, estimated from speed and acceleration.
     pub duration: Duration,
+    /// What that supposes, where the controller does not tell all that it is estimated from; in words.
+    pub supposed: Option<String>,
     /// What is sent, a line or a request each, in order.
     pub sent: Vec<String>,
     /// Whether the position can be believed.

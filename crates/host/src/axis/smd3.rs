@@ -62,7 +62,7 @@ impl Smd3Motor {
             acceleration: self.client.get_number(Command::Amax).await?,
             deceleration: self.client.get_number(Command::Dmax).await?,
         };
-        Ok(Setup { profile, parts: 1, range: (-REACH, REACH), reach: REACH })
+        Ok(Setup { profile, parts: 1, range: (-REACH, REACH), reach: REACH, supposed: None })
     }
 
     /// The requests for an order, the last of them the one that starts it.

@@ -6,16 +6,14 @@ use super::wait::Pace;
 use crate::connect::BoxFuture;
 use crate::direction::Direction;
 use crate::error::Error;
-use crate::smsd::{SmsdClient, Snapshot, Way, WordOrder};
+use crate::smsd::{Smsd, Snapshot, Step, Way};
 use crate::trust::Continuity;
 use std::time::Duration;
-use stepdrive_proto::modbus::{Adu, encode_request};
-use stepdrive_spec::modbus::Request;
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::Opcode;
 use stepdrive_spec::smsd::mode::MotorConfiguration;
 use stepdrive_spec::smsd::powerstep01;
-use stepdrive_spec::smsd::registers::{Kind, Reg};
+use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::ring;
 
 /// How often a stop is sent whose reply is lost: sent twice it is the same.
@@ -32,21 +30,47 @@ const FINEST: u16 = 7;
 /// A move goes to its position forward or backward (`GO_TO_F`, `GO_TO_R`), wherever it lies, and never over the end of the
 /// counter. Homing looks for the signal `SET_ZERO` (`SCAN_ZERO_F`, `SCAN_ZERO_R`), at `TARGET_SPEED` where no other speed is
 /// given; where the signal is there already it first goes back until it is not. There are no limit switches.
+///
+/// What a line does not tell ([`Smsd::check_readable`]) is supposed to be as [`Smsd::supposed`] says: over USB `ACC`, `DEC`
+/// and `TARGET_SPEED`.
 #[derive(Debug)]
 pub struct SmsdMotor {
-    client: SmsdClient,
+    client: Box<dyn Smsd>,
     name: String,
 }
 
 impl SmsdMotor {
     /// The motor of a controller, under the name that errors are to give it.
-    pub fn new(name: &str, client: SmsdClient) -> SmsdMotor {
-        SmsdMotor { client, name: name.to_owned() }
+    pub fn new(name: &str, client: impl Into<Box<dyn Smsd>>) -> SmsdMotor {
+        SmsdMotor { client: client.into(), name: name.to_owned() }
     }
 
     /// The controller.
-    pub fn client(&self) -> &SmsdClient {
-        &self.client
+    pub fn client(&self) -> &dyn Smsd {
+        &*self.client
+    }
+
+    fn is_told(&self, reg: Reg) -> bool {
+        self.client.check_readable(reg).is_ok()
+    }
+
+    /// What registers hold, as far as that can be read; otherwise what they are supposed to.
+    async fn values(&self, regs: &[Reg]) -> Result<Vec<i64>, Error> {
+        let told: Vec<Reg> = regs.iter().copied().filter(|reg| self.is_told(*reg)).collect();
+        let mut read = self.client.read_many(&told).await?.into_iter();
+        let value = |reg: &Reg| {
+            if self.is_told(*reg) { read.next().unwrap_or(0) } else { self.client.supposed(*reg) }
+        };
+        Ok(regs.iter().map(value).collect())
+    }
+
+    /// What a ramp is worked out from without being known.
+    fn supposed(&self) -> Option<String> {
+        let untold = [Reg::Acc, Reg::Dec].into_iter().filter(|reg| !self.is_told(*reg));
+        let names: Vec<String> =
+            untold.map(|reg| format!("{} {}", reg.info().name, self.client.supposed(reg))).collect();
+        (!names.is_empty())
+            .then(|| format!("{} are supposed: this line does not tell them", names.join(", ")))
     }
 
     /// Microsteps to the full step, at present.
@@ -77,7 +101,7 @@ impl SmsdMotor {
 
     async fn set_up(&self) -> Result<Setup, Error> {
         let regs = [Reg::MinSpeed, Reg::MaxSpeed, Reg::Acc, Reg::Dec, Reg::Microstepping];
-        let values = self.client.read_many(&regs).await?;
+        let values = self.values(&regs).await?;
         let value = |place: usize| values.get(place).copied().unwrap_or(0);
         let rounded = |scale: powerstep01::Scale, place| scale.round(value(place) as f64);
         let start = rounded(powerstep01::MIN_SPEED, 0);
@@ -89,28 +113,34 @@ impl SmsdMotor {
             deceleration: rounded(powerstep01::ACCELERATION, 3),
         };
         let range = (ring::MIN.into(), ring::MAX.into());
-        Ok(Setup { profile, parts: self.parts_of(value(4))?, range, reach: ring::SIZE - 1 })
+        let (parts, supposed) = (self.parts_of(value(4))?, self.supposed());
+        Ok(Setup { profile, parts, range, reach: ring::SIZE - 1, supposed })
     }
 
     // ---- orders
 
-    /// The writes for an order; the last is the command.
-    async fn writes(&self, order: Order) -> Result<Vec<(Reg, i64)>, Error> {
-        let max = order.speed.map(|speed| (Reg::MaxSpeed, whole(speed)));
-        let (operand, opcode) = match order.motion {
-            Motion::To { target, direction: Direction::Positive } => {
-                ((Reg::TargetPos, target), Opcode::GoToF)
-            }
-            Motion::To { target, direction: Direction::Negative } => {
-                ((Reg::TargetPos, target), Opcode::GoToR)
-            }
-            Motion::By(distance) => ((Reg::TargetPos, distance), Opcode::MoveF),
+    /// The steps of an order; the last is the command.
+    async fn steps(&self, order: Order) -> Result<Vec<Step>, Error> {
+        let max = order.speed.map(|speed| Step::Write(Reg::MaxSpeed, whole(speed)));
+        let (opcode, operand) = match order.motion {
+            Motion::To { target, direction: Direction::Positive } => (Opcode::GoToF, target),
+            Motion::To { target, direction: Direction::Negative } => (Opcode::GoToR, target),
+            Motion::By(distance) => (Opcode::MoveF, distance),
             Motion::Run(direction) => {
                 let opcode = if direction == Direction::Positive { Opcode::RunF } else { Opcode::RunR };
-                ((Reg::TargetSpeed, self.run_speed(order).await?), opcode)
+                (opcode, self.run_speed(order).await?)
             }
         };
-        Ok(max.into_iter().chain([operand, (Reg::Cmd, opcode.code().into())]).collect())
+        Ok(max.into_iter().chain([Step::Command(opcode, Some(operand))]).collect())
+    }
+
+    /// What would be sent for an order.
+    async fn requests_for(&self, order: Order) -> Result<Vec<String>, Error> {
+        let mut requests = Vec::new();
+        for step in self.steps(order).await? {
+            requests.extend(self.client.sent_for(step).await?);
+        }
+        Ok(requests)
     }
 
     /// The speed of an endless motion: the highest, as nothing else is said.
@@ -129,10 +159,10 @@ impl SmsdMotor {
         }
     }
 
-    /// A program that runs would go on beside what is asked for.
+    /// A program that is seen running would go on beside what is asked for.
     async fn check_program(&self) -> Result<(), Error> {
         let program = self.client.program().await?;
-        if !program.running {
+        if program.running != Some(true) {
             return Ok(());
         }
         Err(Error::Refused(format!(
@@ -196,7 +226,7 @@ impl SmsdMotor {
         }
         let speed = match speed {
             Some(speed) => whole(speed),
-            None => self.client.read(Reg::TargetSpeed).await?,
+            None => self.values(&[Reg::TargetSpeed]).await?.first().copied().unwrap_or(0),
         };
         let mut pace = Pace::new(timeout, None);
         let found = self.seek(direction, speed, &mut pace).await;
@@ -251,7 +281,7 @@ impl Motor for SmsdMotor {
     }
 
     fn upsets(&self) -> BoxFuture<'_, u64> {
-        Box::pin(self.client.connections())
+        self.client.connections()
     }
 
     fn look(&self) -> BoxFuture<'_, Result<Look, Error>> {
@@ -263,11 +293,7 @@ impl Motor for SmsdMotor {
     }
 
     fn sent_for(&self, order: Order) -> BoxFuture<'_, Result<Vec<String>, Error>> {
-        Box::pin(async move {
-            let words = self.client.word_order().await?;
-            let writes = self.writes(order).await?;
-            Ok(writes.into_iter().map(|(reg, value)| frame_text(reg, value, words)).collect())
-        })
+        Box::pin(self.requests_for(order))
     }
 
     fn prepare(&self, order: Order) -> BoxFuture<'_, Result<(), Error>> {
@@ -317,7 +343,7 @@ impl Motor for SmsdMotor {
     }
 
     fn clear_faults(&self) -> BoxFuture<'_, Result<(), Error>> {
-        Box::pin(self.client.clear_flags())
+        self.client.clear_flags()
     }
 }
 
@@ -346,44 +372,4 @@ fn whole(speed: f64) -> i64 {
     #[allow(clippy::cast_possible_truncation, reason = "`as` saturates, and what is too much is refused")]
     let whole = speed.round() as i64;
     whole
-}
-
-/// A write as its PDU, and what it says.
-fn frame_text(reg: Reg, value: i64, order: WordOrder) -> String {
-    let row = reg.info();
-    let [a, b, c, d, ..] = value.to_le_bytes();
-    let (low, high) = (u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d]));
-    let request = match (row.kind, order) {
-        (Kind::Bit | Kind::U16, _) => Request::WriteRegister { address: row.address, value: low },
-        (Kind::U32 | Kind::I32, WordOrder::LowFirst) => {
-            Request::WriteRegisters { address: row.address, values: [low, high].into_iter().collect() }
-        }
-        (Kind::U32 | Kind::I32, WordOrder::HighFirst) => {
-            Request::WriteRegisters { address: row.address, values: [high, low].into_iter().collect() }
-        }
-    };
-    let mut frame = Adu::new();
-    // One register or two are never too many.
-    let _ = encode_request(&mut frame, 0, 0, &request);
-    // Behind the header, which differs with every request.
-    let pdu = frame.get(7..).unwrap_or(&[]).iter().map(|byte| format!("{byte:02X}"));
-    let pdu = pdu.collect::<Vec<_>>().join(" ");
-    match u16::try_from(value).ok().and_then(Opcode::from_cmd).filter(|_| reg == Reg::Cmd) {
-        Some(opcode) => format!("{pdu}  {} = {opcode}", row.name),
-        None => format!("{pdu}  {} = {value}", row.name),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_write_is_shown_as_its_pdu_and_in_words() {
-        assert_eq!(frame_text(Reg::Cmd, 0x12, WordOrder::LowFirst), "06 11 09 00 12  CMD = GO_TO_F");
-        assert_eq!(
-            frame_text(Reg::TargetPos, -2, WordOrder::HighFirst),
-            "10 11 06 00 02 04 FF FF FF FE  TARGET_POS = -2"
-        );
-    }
 }

@@ -1,6 +1,7 @@
 //! Commands: the codes of `CMD` (ch. 4.2) and the coils that act.
 
 use super::client::{Manner, SmsdClient};
+use super::driver::Smsd;
 use super::registers::write;
 use super::session::{Lost, Trouble};
 use super::trouble::Asked;
@@ -21,6 +22,17 @@ pub enum Way {
     Forward,
     /// Backward, however far.
     Reverse,
+}
+
+impl Way {
+    /// The command that goes this way.
+    pub(super) const fn opcode(self) -> Opcode {
+        match self {
+            Way::Shortest => Opcode::GoTo,
+            Way::Forward => Opcode::GoToF,
+            Way::Reverse => Opcode::GoToR,
+        }
+    }
 }
 
 impl SmsdClient {
@@ -55,140 +67,6 @@ impl SmsdClient {
         }
         self.send_command(opcode).await?;
         self.see_that_it_was_done(opcode).await
-    }
-
-    /// Turns at a speed in full steps per second until something stops it: `RUN_F`, `RUN_R`.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::command`], as for all commands below.
-    pub async fn run(&self, direction: Direction, speed: i64) -> Result<(), Error> {
-        self.command(either(direction, Opcode::RunF, Opcode::RunR), Some(speed)).await
-    }
-
-    /// Moves by a displacement in microsteps, negative backward: `MOVE_F`. The motor must stand.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::command`].
-    pub async fn move_by(&self, microsteps: i64) -> Result<(), Error> {
-        self.command(Opcode::MoveF, Some(microsteps)).await
-    }
-
-    /// Goes to a position in microsteps: `GO_TO`, `GO_TO_F`, `GO_TO_R`. The motion before it must have ended.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::command`].
-    pub async fn move_to(&self, position: i64, way: Way) -> Result<(), Error> {
-        let opcode = match way {
-            Way::Shortest => Opcode::GoTo,
-            Way::Forward => Opcode::GoToF,
-            Way::Reverse => Opcode::GoToR,
-        };
-        self.command(opcode, Some(position)).await
-    }
-
-    /// Goes to position 0 the shorter way: `GO_ZERO`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::command`].
-    pub async fn go_zero(&self) -> Result<(), Error> {
-        self.command(Opcode::GoZero, None).await
-    }
-
-    /// Goes to the mark the shorter way: `GO_MARK`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::command`].
-    pub async fn go_mark(&self) -> Result<(), Error> {
-        self.command(Opcode::GoMark, None).await
-    }
-
-    /// Turns at `MAX_SPEED` until an input signals, then brakes: `GO_UNTIL_F`, `GO_UNTIL_R`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::command`].
-    pub async fn go_until(&self, direction: Direction, input: Input) -> Result<(), Error> {
-        let opcode = either(direction, Opcode::GoUntilF, Opcode::GoUntilR);
-        self.command(opcode, Some(input.number().into())).await
-    }
-
-    /// Turns until `SET_ZERO` signals, stops at once and takes the position as zero: `SCAN_ZERO_F`, `SCAN_ZERO_R`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::command`].
-    pub async fn scan_zero(&self, direction: Direction, speed: i64) -> Result<(), Error> {
-        self.command(either(direction, Opcode::ScanZeroF, Opcode::ScanZeroR), Some(speed)).await
-    }
-
-    /// Turns until `IN1` signals, stops at once and remembers the position as the mark: `SCAN_MARK_F`, `SCAN_MARK_R`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::command`].
-    pub async fn scan_mark(&self, direction: Direction, speed: i64) -> Result<(), Error> {
-        self.command(either(direction, Opcode::ScanMarkF, Opcode::ScanMarkR), Some(speed)).await
-    }
-
-    /// Turns until `IN1` signals, remembers that position as the mark and brakes: `SCAN_MARK2_F`, `SCAN_MARK2_R`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::command`].
-    pub async fn scan_mark_braking(&self, direction: Direction, speed: i64) -> Result<(), Error> {
-        self.command(either(direction, Opcode::ScanMark2F, Opcode::ScanMark2R), Some(speed)).await
-    }
-
-    /// Brakes with `DEC` and holds: the coil `Soft STOP`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::trigger`].
-    pub async fn soft_stop(&self) -> Result<(), Error> {
-        self.trigger(Reg::SoftStop).await
-    }
-
-    /// Stops at once and holds: the coil `Hard STOP`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::trigger`].
-    pub async fn hard_stop(&self) -> Result<(), Error> {
-        self.trigger(Reg::HardStop).await
-    }
-
-    /// Brakes with `DEC` and de-energises: the coil `Soft HiZ`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::trigger`].
-    pub async fn soft_hi_z(&self) -> Result<(), Error> {
-        self.trigger(Reg::SoftHiZ).await
-    }
-
-    /// Stops at once and de-energises: the coil `Hard HiZ`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::trigger`].
-    pub async fn hard_hi_z(&self) -> Result<(), Error> {
-        self.trigger(Reg::HardHiZ).await
-    }
-
-    /// Clears `CMD_ERROR` and `SW_EVN`: the coil `CLR`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::trigger`].
-    pub async fn clear_flags(&self) -> Result<(), Error> {
-        self.trigger(Reg::Clr).await
-    }
-
-    /// Takes the present position as zero: the coil `Reset Pos`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::trigger`].
-    pub async fn reset_position(&self) -> Result<(), Error> {
-        self.trigger(Reg::ResetPos).await
-    }
-
-    /// Resets the motor chip: de-energised, position 0, drive parameters as at power-up. The coil `Reset powerSTEP01`.
-    ///
-    /// # Errors
-    /// See [`SmsdClient::trigger`].
-    pub async fn reset_motor_chip(&self) -> Result<(), Error> {
-        self.trigger(Reg::ResetPowerstep01).await
     }
 
     /// Lets a coil act, once.
@@ -280,13 +158,14 @@ impl SmsdClient {
 }
 
 /// Whether a command is carried out whatever the motor does, and must not wait for anything.
-fn is_taken_always(opcode: Opcode) -> bool {
+pub(super) fn is_taken_always(opcode: Opcode) -> bool {
     let stops =
         [Opcode::SoftStop, Opcode::HardStop, Opcode::SoftHiZ, Opcode::HardHiZ, Opcode::StopProgramMem];
     stops.contains(&opcode)
 }
 
-fn either(direction: Direction, forward: Opcode, reverse: Opcode) -> Opcode {
+/// The command of a direction.
+pub(super) fn either(direction: Direction, forward: Opcode, reverse: Opcode) -> Opcode {
     match direction {
         Direction::Positive => forward,
         Direction::Negative => reverse,
@@ -294,7 +173,7 @@ fn either(direction: Direction, forward: Opcode, reverse: Opcode) -> Opcode {
 }
 
 /// The register that takes a command's operand, and the operand, if it is in range.
-fn operand_of(opcode: Opcode, operand: Option<i64>) -> Result<Option<(Reg, i64)>, Error> {
+pub(super) fn operand_of(opcode: Opcode, operand: Option<i64>) -> Result<Option<(Reg, i64)>, Error> {
     let (reg, (min, max), what) = match opcode.info().operand {
         Operand::Number { min, max, unit } => (Reg::TargetSpeed, (min.into(), max.into()), unit),
         Operand::Position => {

@@ -1,8 +1,11 @@
-//! The driver of the SMSD-4.2LAN and SMSD-8.0LAN over Modbus TCP.
+//! The drivers of the SMSD-4.2LAN and SMSD-8.0LAN.
 //!
-//! [`SmsdClient`] is a controller's host. It connects when something is asked of it, logs in by itself on every new
-//! connection, and finds out the word order by it. What a register, an instruction or an input is stands in
+//! [`Smsd`] is what they offer. [`SmsdClient`] is a controller's host over Modbus TCP. It connects when something is asked of
+//! it, logs in by itself on every new connection, and finds out the word order by it. [`SmsdUsbClient`] is one over the
+//! standard protocol: USB, or TCP with the standard firmware. What a register, an instruction or an input is stands in
 //! [`stepdrive_spec::smsd`]; nothing of it is repeated here.
+//!
+//! What follows is about Modbus; about the standard protocol see [`SmsdUsbClient`].
 //!
 //! # What is repeated and what is not
 //!
@@ -19,7 +22,9 @@
 
 mod client;
 mod commands;
+mod driver;
 mod login;
+mod modbus;
 mod network;
 mod options;
 mod program;
@@ -28,12 +33,16 @@ mod session;
 mod settings;
 mod snapshot;
 mod trouble;
+mod usb;
 mod value;
 
 pub use client::SmsdClient;
 pub use commands::Way;
+pub use driver::{Answer, Progress, Smsd, Step};
 pub use network::LanParameters;
 pub use options::{SmsdOptions, WordOrder};
 pub use registers::Reading;
 pub use settings::Identity;
 pub use snapshot::{ProgramState, Snapshot, State};
+pub use stepdrive_proto::smsd::Framing;
+pub use usb::SmsdUsbClient;

@@ -1,6 +1,7 @@
 //! LAN parameters (App. A).
 
 use super::client::SmsdClient;
+use super::driver::Smsd;
 use super::snapshot::between;
 use super::value::{Run, Slot, range};
 use crate::Error;
@@ -14,8 +15,8 @@ const FROM_SERVER: i64 = 2;
 /// The LAN parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LanParameters {
-    /// Modbus unit identifier, 1 to 247.
-    pub id: u8,
+    /// Modbus unit identifier, 1 to 247; `None` where the controller has none, and to leave it as it is.
+    pub id: Option<u8>,
     /// MAC address.
     pub mac: [u8; 6],
     /// IP address.
@@ -36,7 +37,7 @@ impl SmsdClient {
     /// The LAN parameters as they are written down, in one request. They are in effect if they were applied since.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::read`]; [`Error::Device`] when one of them is out of its range.
+    /// Those of [`SmsdClient::read_at`]; [`Error::Device`] when one of them is out of its range.
     pub async fn lan_parameters(&self) -> Result<LanParameters, Error> {
         let slots = parameters();
         let values = self.read_run(Run { slots: &slots }).await?;
@@ -54,7 +55,7 @@ impl SmsdClient {
         let octet = |reg: Reg, index: u16| u8::try_from(value(reg, index)).unwrap_or(u8::MAX);
         let address = |reg: Reg| [0, 1, 2, 3].map(|index| octet(reg, index));
         Ok(LanParameters {
-            id: octet(Reg::LanId, 0),
+            id: Some(octet(Reg::LanId, 0)),
             mac: [0, 1, 2, 3, 4, 5].map(|index| octet(Reg::LanMac, index)),
             ip: address(Reg::LanIp),
             subnet_mask: address(Reg::LanSubnetMask),
@@ -69,11 +70,13 @@ impl SmsdClient {
     /// only when they are applied.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::write`]; [`Error::Differs`] when they do not read back as they were written.
+    /// Those of [`SmsdClient::write_at`]; [`Error::Differs`] when they do not read back as they were written.
     pub async fn set_lan_parameters(&self, lan: &LanParameters) -> Result<(), Error> {
-        self.write_slots(parameters().into_iter().map(|slot| (slot, value_of(lan, slot))).collect()).await?;
+        let named = |slot: &Slot| slot.row.id != Reg::LanId || lan.id.is_some();
+        let values = parameters().into_iter().filter(named).map(|slot| (slot, value_of(lan, slot)));
+        self.write_slots(values.collect()).await?;
         let found = self.lan_parameters().await?;
-        if found == *lan {
+        if found == (LanParameters { id: lan.id.or(found.id), ..*lan }) {
             return Ok(());
         }
         Err(Error::Differs(format!("the LAN parameters were written as {lan:?} and read {found:?}")))
@@ -110,7 +113,7 @@ fn can_be(slot: &Slot, value: i64) -> bool {
 fn value_of(lan: &LanParameters, slot: Slot) -> i64 {
     let octet = |octets: &[u8]| octets.get(usize::from(slot.index)).copied().unwrap_or(0).into();
     let rows: [(Reg, i64); 8] = [
-        (Reg::LanId, lan.id.into()),
+        (Reg::LanId, lan.id.map_or(0, i64::from)),
         (Reg::LanMac, octet(&lan.mac)),
         (Reg::LanIp, octet(&lan.ip)),
         (Reg::LanSubnetMask, octet(&lan.subnet_mask)),

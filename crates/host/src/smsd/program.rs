@@ -1,10 +1,11 @@
 //! User programs in the memory areas (ch. 5).
 
 use super::client::SmsdClient;
+use super::driver::Smsd;
 use super::value::Slot;
 use crate::Error;
 use std::time::Duration;
-use stepdrive_spec::smsd::instructions::{Instruction, Opcode, PROGRAM_AREAS, PROGRAM_LINES};
+use stepdrive_spec::smsd::instructions::{Instruction, PROGRAM_AREAS, PROGRAM_LINES};
 use stepdrive_spec::smsd::registers::Reg;
 use tokio::time::{Instant, sleep};
 
@@ -42,21 +43,13 @@ impl Procedure {
 }
 
 impl SmsdClient {
-    /// Stores a program of up to 255 instructions in memory area 0 to 3, and reads it back. What was there is erased.
+    /// Stores a program of up to 255 instructions in memory area 0 to 3, and reads it back, telling how many instructions
+    /// have been written or read back so far: twice the length of the program at its end. What was there is erased.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::write`]; [`Error::Usage`] when there is no such area or the program is too long;
+    /// Those of [`SmsdClient::write_at`]; [`Error::Usage`] when there is no such area or the program is too long;
     /// [`Error::Refused`] while the program in that area runs; [`Error::Differs`] when it does not read back as it was
     /// written; [`Error::Partly`] when part of it is in the memory.
-    pub async fn store_program(&self, area: u8, program: &[Instruction]) -> Result<(), Error> {
-        self.store_program_with(area, program, |_| {}).await
-    }
-
-    /// The same, telling how many instructions have been written or read back so far: twice the length of the program at
-    /// its end.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::store_program`].
     pub async fn store_program_with(
         &self,
         area: u8,
@@ -86,19 +79,11 @@ impl SmsdClient {
         compare(area, program, &found)
     }
 
-    /// The program in memory area 0 to 3.
+    /// The program in memory area 0 to 3, telling how many instructions have been read so far.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::write`]; [`Error::Usage`] when there is no such area; [`Error::Device`] when what is there is
+    /// Those of [`SmsdClient::write_at`]; [`Error::Usage`] when there is no such area; [`Error::Device`] when what is there is
     /// no program.
-    pub async fn fetch_program(&self, area: u8) -> Result<Vec<Instruction>, Error> {
-        self.fetch_program_with(area, |_| {}).await
-    }
-
-    /// The same, telling how many instructions have been read so far.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::fetch_program`].
     pub async fn fetch_program_with(
         &self,
         area: u8,
@@ -117,31 +102,12 @@ impl SmsdClient {
     /// Erases memory area 0 to 3, and reads back that it is empty.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::store_program`].
+    /// Those of [`SmsdClient::store_program_with`].
     pub async fn erase_program(&self, area: u8) -> Result<(), Error> {
         let _turn = self.choose_area(area).await?;
         self.procedure(Procedure::Erase).await?;
         let found = self.read_back(|_| {}).await?;
         compare(area, &[], &found)
-    }
-
-    /// Starts the program in memory area 0 to 3; one that runs ends.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::command`]; [`Error::Usage`] when there is no such area.
-    pub async fn start_program(&self, area: u8) -> Result<(), Error> {
-        check_area(area)?;
-        let code = Opcode::StartProgramMem0.code() + area;
-        let opcode = Opcode::from_cmd(code.into()).unwrap_or(Opcode::StartProgramMem0);
-        self.command(opcode, None).await
-    }
-
-    /// Stops the program that runs; the motor goes on as it was.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::command`].
-    pub async fn stop_program(&self) -> Result<(), Error> {
-        self.command(Opcode::StopProgramMem, None).await
     }
 
     /// Takes the registers of `MEM_CMD` for itself, and names the area to it.
@@ -238,7 +204,8 @@ fn block_lines() -> usize {
     usize::from(Reg::CmdBuffer.info().count)
 }
 
-fn check_area(area: u8) -> Result<(), Error> {
+/// Fails when there is no such memory area.
+pub(super) fn check_area(area: u8) -> Result<(), Error> {
     if usize::from(area) < PROGRAM_AREAS {
         return Ok(());
     }
@@ -247,7 +214,7 @@ fn check_area(area: u8) -> Result<(), Error> {
 }
 
 /// The length of a program that can be stored.
-fn size_of(program: &[Instruction]) -> Result<i64, Error> {
+pub(super) fn size_of(program: &[Instruction]) -> Result<i64, Error> {
     let usage = |text: String| Err(Error::Usage(format!("{text}; nothing was sent")));
     if program.len() > PROGRAM_LINES {
         let (lines, most) = (program.len(), PROGRAM_LINES);
@@ -269,7 +236,8 @@ fn incomplete(area: u8, written: usize, of: usize, cause: Error) -> Error {
     Error::Partly { done, cause: Box::new(cause) }
 }
 
-fn compare(area: u8, program: &[Instruction], found: &[u32]) -> Result<(), Error> {
+/// Fails when what was read back is not the program.
+pub(super) fn compare(area: u8, program: &[Instruction], found: &[u32]) -> Result<(), Error> {
     if program.len() != found.len() {
         let (found, stored) = (found.len(), program.len());
         return Err(Error::Differs(format!(
@@ -288,6 +256,7 @@ fn compare(area: u8, program: &[Instruction], found: &[u32]) -> Result<(), Error
 #[cfg(test)]
 mod tests {
     use super::*;
+    use stepdrive_spec::smsd::instructions::Opcode;
 
     #[test]
     fn what_cannot_be_stored_is_told_before_anything_is_sent() {

@@ -1,6 +1,7 @@
 //! Typed access to the register map.
 
 use super::client::{Manner, SmsdClient};
+use super::driver::Smsd;
 use super::options::WordOrder;
 use super::session::Trouble;
 use super::trouble::Asked;
@@ -22,18 +23,10 @@ pub struct Reading {
 }
 
 impl SmsdClient {
-    /// Reads a register; of several in a row of the map the first. Bits read as 0 and 1.
+    /// Reads one of several registers in a row of the map, as an octet of `IP {}`. Bits read as 0 and 1.
     ///
     /// # Errors
-    /// [`Error::Line`], [`Error::NotAuthorised`], [`Error::Device`].
-    pub async fn read(&self, reg: Reg) -> Result<i64, Error> {
-        self.read_at(reg, 0).await
-    }
-
-    /// Reads one of several registers in a row of the map, as an octet of `IP {}`.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::read`]; [`Error::Usage`] when the row has not so many.
+    /// [`Error::Line`], [`Error::NotAuthorised`], [`Error::Device`]; [`Error::Usage`] when the row has not so many.
     pub async fn read_at(&self, reg: Reg, index: u16) -> Result<i64, Error> {
         let slots = [Slot::new(reg, index)?];
         let run = Run { slots: &slots };
@@ -44,7 +37,7 @@ impl SmsdClient {
     /// Reads all registers of a row of the map.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::read`].
+    /// Those of [`SmsdClient::read_at`].
     pub async fn read_row(&self, reg: Reg) -> Result<Vec<i64>, Error> {
         let slots: Vec<Slot> = Slot::all(reg.info()).collect();
         self.read_run(Run { slots: &slots }).await
@@ -54,7 +47,7 @@ impl SmsdClient {
     /// order of `regs`. Only those of one request are of the same moment.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::read`].
+    /// Those of [`SmsdClient::read_at`].
     pub async fn read_many(&self, regs: &[Reg]) -> Result<Vec<i64>, Error> {
         let mut slots = Vec::with_capacity(regs.len());
         for reg in regs {
@@ -74,28 +67,20 @@ impl SmsdClient {
     /// Reads every register that tells something, in the order of the map.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::read`].
+    /// Those of [`SmsdClient::read_at`].
     pub async fn read_all(&self) -> Result<Vec<Reading>, Error> {
         let slots: Vec<Slot> = REGISTERS.iter().flat_map(Slot::all).filter(|slot| slot.tells()).collect();
         self.read_slots(&slots).await
     }
 
-    /// Writes a register; of several in a row of the map the first. What acts (`CMD`, `MEM_CMD`, `Password_CMD`, coils
-    /// that act) is sent once and never repeated.
+    /// Writes one of several registers in a row of the map. What acts (`CMD`, `MEM_CMD`, `Password_CMD`, coils that act) is
+    /// sent once and never repeated.
     ///
     /// # Errors
     /// [`Error::Usage`] when the register cannot be written, or not with this value: nothing was sent then.
     /// [`Error::Refused`] when the controller refuses it, as while the motor turns. [`Error::Line`], [`Error::NotAuthorised`],
     /// [`Error::Device`]. [`Error::Partly`] when no reply came, however often it was written; [`Error::Uncertain`] when what
     /// acts was not answered.
-    pub async fn write(&self, reg: Reg, value: i64) -> Result<(), Error> {
-        self.write_at(reg, 0, value).await
-    }
-
-    /// Writes one of several registers in a row of the map.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::write`].
     pub async fn write_at(&self, reg: Reg, index: u16, value: i64) -> Result<(), Error> {
         let slot = Slot::new(reg, index)?;
         let model = self.model_for(&[(slot, value)]).await?;
@@ -109,7 +94,7 @@ impl SmsdClient {
     /// Writes registers that hold a value, neighbours in one request. All are checked before anything is sent.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::write`]. A request refused leaves those before it written, in the order of the map: the error
+    /// Those of [`SmsdClient::write_at`]. A request refused leaves those before it written, in the order of the map: the error
     /// names the registers that it is about.
     pub async fn write_many(&self, values: &[(Reg, i64)]) -> Result<(), Error> {
         let slots = values.iter().map(|(reg, value)| Ok((Slot::new(*reg, 0)?, *value)));

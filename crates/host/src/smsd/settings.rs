@@ -26,8 +26,10 @@ pub struct Identity {
     pub hw_ver: u16,
     /// `FW_MAJOR`, `FW_MINOR`.
     pub firmware: (u16, u16),
-    /// `RM_MAJOR`, `RM_MINOR`.
-    pub register_map: (u16, u16),
+    /// `RM_MAJOR`, `RM_MINOR`; `None` where the line does not tell.
+    pub register_map: Option<(u16, u16)>,
+    /// Version of the standard protocol, 1 or 2; `None` where the line does not tell.
+    pub protocol: Option<u8>,
 }
 
 impl fmt::Display for Identity {
@@ -37,12 +39,12 @@ impl fmt::Display for Identity {
             Some(model) => write!(f, "{model}")?,
             None => write!(f, "unknown model {}", self.hw_major)?,
         }
-        let ((fw_major, fw_minor), (rm_major, rm_minor)) = (self.firmware, self.register_map);
-        write!(
-            f,
-            ", hardware {}, firmware {fw_major}.{fw_minor}, register map {rm_major}.{rm_minor}",
-            self.hw_ver
-        )
+        let (major, minor) = self.firmware;
+        write!(f, ", hardware {}, firmware {major}.{minor}", self.hw_ver)?;
+        if let Some((major, minor)) = self.register_map {
+            write!(f, ", register map {major}.{minor}")?;
+        }
+        self.protocol.map_or(Ok(()), |version| write!(f, ", protocol {version}"))
     }
 }
 
@@ -50,7 +52,7 @@ impl SmsdClient {
     /// What the controller says that it is. It needs no password where the controller wants none for it.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::read`].
+    /// Those of [`SmsdClient::read_at`].
     pub async fn identity(&self) -> Result<Identity, Error> {
         let regs = [Reg::HwMajor, Reg::HwVer, Reg::FwMajor, Reg::FwMinor, Reg::RmMajor, Reg::RmMinor];
         let values = self.read_many(&regs).await?;
@@ -61,23 +63,15 @@ impl SmsdClient {
             hw_major: value(0),
             hw_ver: value(1),
             firmware: (value(2), value(3)),
-            register_map: (value(4), value(5)),
+            register_map: Some((value(4), value(5))),
+            protocol: None,
         })
-    }
-
-    /// The model; `None` for one that the maker does not list.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::read`].
-    pub async fn model(&self) -> Result<Option<Model>, Error> {
-        let hw_major = self.read(Reg::HwMajor).await?;
-        Ok(u16::try_from(hw_major).ok().and_then(model_of))
     }
 
     /// The motor configuration.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::read`].
+    /// Those of [`SmsdClient::read_at`].
     pub async fn motor_configuration(&self) -> Result<MotorConfiguration, Error> {
         let values = self.read_run(Run { slots: &configuration() }).await?;
         let value =
@@ -94,7 +88,7 @@ impl SmsdClient {
     /// Sets the motor configuration, all of it in one request, and reads it back. The motor must be de-energised.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::write`]; [`Error::Differs`] when it does not read back as it was written.
+    /// Those of [`SmsdClient::write_at`]; [`Error::Differs`] when it does not read back as it was written.
     pub async fn set_motor_configuration(&self, motor: &MotorConfiguration) -> Result<(), Error> {
         let values = [
             motor.current_or_voltage,
@@ -117,7 +111,7 @@ impl SmsdClient {
     /// that leaves a doubt, the client knows both from then on, and tries the new one when the old one is refused.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::write`].
+    /// Those of [`SmsdClient::write_at`].
     pub async fn change_password(&self, password: u64) -> Result<(), Error> {
         let _turn = self.memory.lock().await;
         let order = self.word_order().await?;
@@ -175,6 +169,7 @@ fn configuration() -> Vec<Slot> {
     between(Reg::CurrentOrVoltage, Reg::StopCurrent)
 }
 
-fn model_of(hw_major: u16) -> Option<Model> {
+/// The model of a device ID; `None` for one that the maker does not list.
+pub(super) fn model_of(hw_major: u16) -> Option<Model> {
     Model::ALL.into_iter().find(|model| model.hw_major() == hw_major)
 }

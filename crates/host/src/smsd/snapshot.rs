@@ -63,8 +63,8 @@ impl fmt::Display for Snapshot {
 /// The user program as it stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ProgramState {
-    /// `PROGRAM_RUN`.
-    pub running: bool,
+    /// `PROGRAM_RUN`; `None` where the line does not tell.
+    pub running: Option<bool>,
     /// `N_PROGRAM`: the memory area of the program that runs, or ran last.
     pub area: u16,
     /// `N_COMMAND`: its line.
@@ -88,7 +88,7 @@ impl SmsdClient {
     /// What the motor does and which inputs there are signals at, in one request.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::read`].
+    /// Those of [`SmsdClient::read_at`].
     pub async fn snapshot(&self) -> Result<Snapshot, Error> {
         let values = self.read_run(Run { slots: &MOTOR }).await?;
         let value = |reg: Reg| {
@@ -104,51 +104,21 @@ impl SmsdClient {
         })
     }
 
-    /// The status flags alone.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::read`].
-    pub async fn status(&self) -> Result<Status, Error> {
-        let word = self.read(Reg::StatusWord).await?;
-        Ok(Status::from_word(u16::try_from(word).unwrap_or(0)))
-    }
-
     /// The user program, in two requests.
     ///
     /// # Errors
-    /// Those of [`SmsdClient::read`].
+    /// Those of [`SmsdClient::read_at`].
     pub async fn program(&self) -> Result<ProgramState, Error> {
         let regs = [Reg::ProgramRun, Reg::NProgram, Reg::NCommand, Reg::ModeNPrograms];
         let values = self.read_many(&regs).await?;
         let value =
             |place: usize| values.get(place).and_then(|value| u16::try_from(*value).ok()).unwrap_or(0);
-        Ok(ProgramState { running: value(0) != 0, area: value(1), line: value(2), autonomous: value(3) })
-    }
-
-    /// Whether the relay is on.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::read`].
-    pub async fn relay(&self) -> Result<bool, Error> {
-        Ok(self.read(Reg::Relay).await? != 0)
-    }
-
-    /// Switches the relay.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::write`].
-    pub async fn set_relay(&self, on: bool) -> Result<(), Error> {
-        self.write(Reg::Relay, on.into()).await
-    }
-
-    /// Motor, inputs, relay and program, in four requests.
-    ///
-    /// # Errors
-    /// Those of [`SmsdClient::read`].
-    pub async fn state(&self) -> Result<State, Error> {
-        let motor = self.snapshot().await?;
-        let relay = self.relay().await?;
-        Ok(State { motor, relay, program: self.program().await? })
+        Ok(ProgramState {
+            running: Some(value(0) != 0),
+            area: value(1),
+            line: value(2),
+            autonomous: value(3),
+        })
     }
 }
 

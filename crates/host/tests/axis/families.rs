@@ -1,69 +1,16 @@
-//! The two families behind one set of verbs: a stage with a home switch at the negative side, closed from -110 to -100 full
-//! steps.
+//! The two families behind one set of verbs.
 
 use crate::bench::Bench;
 use crate::link;
+use crate::stage::{SWITCH, Stage, smsd_with_switch};
 use crate::station::{self, Station};
 use std::sync::Arc;
 use stepdrive_drive::smd3::Smd3;
-use stepdrive_drive::smsd::{Config, Memory, Smsd, WordOrder};
-use stepdrive_host::axis::{DriveAxis, Motor, Smd3Motor, SmsdMotor};
-use stepdrive_host::smsd::SmsdOptions;
-use stepdrive_rig::machine::Machine;
-use stepdrive_rig::mechanics::{Mechanics, Switch};
+use stepdrive_host::axis::{Smd3Motor, SmsdMotor};
+use stepdrive_host::smsd::{Smsd as _, SmsdOptions};
 use stepdrive_spec::smd3::commands::Command;
 use stepdrive_spec::smd3::signals::Signal;
-use stepdrive_spec::smsd::inputs::Input;
-use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::registers::Reg;
-use stepdrive_spec::time::Instant;
-
-const SWITCH: [f64; 2] = [-110.0, -100.0];
-
-/// A controller on the bench.
-pub(crate) trait Stage: Sized {
-    type Motor: Motor + 'static;
-
-    fn new() -> Self;
-
-    /// Another program's motor of the same controller.
-    fn motor(&self) -> Self::Motor;
-
-    /// An axis in full steps.
-    fn axis(&self) -> DriveAxis<Self::Motor> {
-        DriveAxis::new(self.motor())
-    }
-
-    /// Where the carriage is, in full steps from where it began.
-    fn carriage(&self) -> f64;
-
-    /// How fast it goes.
-    fn speed(&self) -> f64;
-
-    /// How many commands have started motion since this was last asked.
-    fn starts(&self) -> usize;
-
-    /// Ends all connections.
-    fn cut(&self);
-
-    /// Switches the controller off and on, which ends all connections.
-    fn restart(&self);
-
-    /// Lets the reply to the `number`th request from now get lost, the first being 0.
-    fn lose_reply(&self, number: usize);
-
-    /// Loses the next request.
-    fn lose_request(&self);
-
-    /// Makes every reply come 10 ms late.
-    fn slow_down(&self);
-
-    /// Stops the motor by another program.
-    async fn stop_behind_its_back(&self);
-
-    /// Moves the motor behind the back of the axis, and waits until it stands.
-    async fn move_behind_its_back(&self, full_steps: i64);
-}
 
 /// An SMD3 with `L` 1.
 pub(crate) struct Smd3Stage {
@@ -73,7 +20,7 @@ pub(crate) struct Smd3Stage {
 impl Stage for Smd3Stage {
     type Motor = Smd3Motor;
 
-    fn new() -> Smd3Stage {
+    async fn new() -> Smd3Stage {
         let station = Station::with(vec![(Signal::LimitNegative, SWITCH)]);
         station.machine(|machine, now| {
             let line = stepdrive_proto::smd3::decode_line(b"L,1");
@@ -141,9 +88,9 @@ pub(crate) struct SmsdStage {
 impl Stage for SmsdStage {
     type Motor = SmsdMotor;
 
-    fn new() -> SmsdStage {
+    async fn new() -> SmsdStage {
         let bench = Bench::new();
-        bench.machine(|machine, _| *machine = with_switch());
+        bench.machine(|machine, _| *machine = smsd_with_switch());
         SmsdStage { bench }
     }
 
@@ -204,15 +151,6 @@ impl Stage for SmsdStage {
         tokio::time::sleep(station::SECOND * 10).await;
         self.bench.acts();
     }
-}
-
-fn with_switch() -> Machine<Smsd> {
-    let config =
-        Config { model: Model::Smsd42, word_order: WordOrder::LowFirst, port: 502, autonomous: false };
-    let switch = Switch::new(Input::SetZero, SWITCH).expect("wide enough");
-    Machine::power_up(Mechanics::new(None, 0.0), vec![switch], |levels| {
-        Smsd::power_up(Instant::ZERO, config, Memory::factory(), levels.to_le_bytes()[0])
-    })
 }
 
 /// That the units of both carriages are the same.

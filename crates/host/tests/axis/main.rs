@@ -14,4 +14,8 @@ mod station;
 mod families;
 mod only_smd3;
 mod only_smsd;
+mod stage;
 mod suite;
+
+suite::hold!(smd3 to crate::families::Smd3Stage);
+suite::hold!(smsd to crate::families::SmsdStage);

@@ -1,7 +1,8 @@
 //! What only an SMD3 does.
 #![allow(clippy::float_cmp, reason = "whole steps are exact")]
 
-use crate::families::{Smd3Stage, Stage};
+use crate::families::Smd3Stage;
+use crate::stage::Stage;
 use crate::station::{Fault, SECOND};
 use stepdrive_host::axis::{Axis, DriveAxis, MoveOptions, Smd3Motor, Stop};
 use stepdrive_host::trust::{Doubt, Trust};
@@ -18,7 +19,7 @@ fn steps(text: &str) -> Amount {
 
 #[tokio::test(start_paused = true)]
 async fn a_plan_shows_the_lines_that_are_sent() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     let fast = MoveOptions { speed: Some("500 Hz".parse_speed()), ..HERE };
     let plan = axis.plan(Goal::By(steps("200 steps")), fast).await.expect("possible");
@@ -48,7 +49,7 @@ impl ParseSpeed for str {
 
 #[tokio::test(start_paused = true)]
 async fn a_limit_that_is_met_ends_a_move_and_makes_the_position_suspect() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     axis.zero().await.expect("it stands");
     let refused = axis.move_to(steps("-500 steps"), HERE).await.expect_err("the switch is there");
@@ -64,7 +65,7 @@ async fn a_limit_that_is_met_ends_a_move_and_makes_the_position_suspect() {
 
 #[tokio::test(start_paused = true)]
 async fn a_fault_ends_a_move_stays_latched_and_is_cleared() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     axis.zero().await.expect("it stands");
     axis.run(Direction::Positive, HERE).await.expect("started");
@@ -84,7 +85,7 @@ async fn a_fault_ends_a_move_stays_latched_and_is_cleared() {
 
 #[tokio::test(start_paused = true)]
 async fn in_a_mode_that_somebody_has_chosen_nothing_moves() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     axis.motor().client().set_mode(Mode::Joystick).await.expect("taken");
     for outcome in [
@@ -101,7 +102,7 @@ async fn in_a_mode_that_somebody_has_chosen_nothing_moves() {
 
 #[tokio::test(start_paused = true)]
 async fn homing_leaves_the_drive_in_mode_remote_whatever_becomes_of_it() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     axis.home(Direction::Negative, HERE).await.expect("found");
     assert_eq!(axis.motor().client().mode().await, Ok(Mode::Remote));
@@ -113,7 +114,7 @@ async fn homing_leaves_the_drive_in_mode_remote_whatever_becomes_of_it() {
 
 #[tokio::test(start_paused = true)]
 async fn a_search_that_was_given_up_half_way_leaves_nothing_that_a_motion_does_not_mend() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     axis.zero().await.expect("it stands");
     assert!(tokio::time::timeout(SECOND / 10, axis.home(Direction::Negative, HERE)).await.is_err());
@@ -127,7 +128,7 @@ async fn a_search_that_was_given_up_half_way_leaves_nothing_that_a_motion_does_n
 
 #[tokio::test(start_paused = true)]
 async fn another_hosts_moves_do_not_shake_a_marked_counter() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     axis.zero().await.expect("it stands");
     rig.move_behind_its_back(50).await;
@@ -138,7 +139,7 @@ async fn another_hosts_moves_do_not_shake_a_marked_counter() {
 
 #[tokio::test(start_paused = true)]
 async fn without_its_mark_a_counter_at_zero_is_suspect_after_a_cut_line() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = DriveAxis::new(rig.motor().keeping_prel());
     axis.zero().await.expect("it stands");
     assert_eq!(axis.motor().client().get_number(Command::Prel).await, Ok(0.0));
@@ -152,7 +153,7 @@ async fn without_its_mark_a_counter_at_zero_is_suspect_after_a_cut_line() {
 
 #[tokio::test(start_paused = true)]
 async fn a_position_that_no_drive_can_have_is_garbled_and_not_zero() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     axis.state().await.expect("a state");
     rig.station.faults([Fault::None, Fault::Instead(b"0x0040,0x0000,9.99999E+99\r\n".to_vec())]);
@@ -174,7 +175,7 @@ async fn a_position_that_no_drive_can_have_is_garbled_and_not_zero() {
 
 #[tokio::test(start_paused = true)]
 async fn a_hard_stop_is_an_emergency_stop() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     axis.run(Direction::Positive, HERE).await.expect("started");
     tokio::time::sleep(SECOND).await;
@@ -185,7 +186,7 @@ async fn a_hard_stop_is_an_emergency_stop() {
 
 #[tokio::test(start_paused = true)]
 async fn a_move_over_the_end_of_the_counter_is_refused() {
-    let rig = Smd3Stage::new();
+    let rig = Smd3Stage::new().await;
     let axis = rig.axis();
     axis.motor().client().set_number(Command::Pact, 8_388_000.0).await.expect("taken");
     let refused = axis.move_by(steps("1000 steps"), HERE).await.expect_err("it would turn over");

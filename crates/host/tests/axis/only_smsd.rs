@@ -1,8 +1,9 @@
 //! What only an SMSD does.
 #![allow(clippy::float_cmp, reason = "whole steps are exact")]
 
-use crate::families::{SmsdStage, Stage};
+use crate::families::SmsdStage;
 use crate::link::Fault;
+use crate::stage::Stage;
 use crate::station::SECOND;
 use stepdrive_host::axis::{Axis, MoveOptions, Stop};
 use stepdrive_host::trust::{Doubt, Trust};
@@ -20,7 +21,7 @@ fn steps(text: &str) -> Amount {
 
 #[tokio::test(start_paused = true)]
 async fn a_plan_shows_the_requests_that_are_sent() {
-    let rig = SmsdStage::new();
+    let rig = SmsdStage::new().await;
     let axis = rig.axis();
     let options = MoveOptions { override_trust: true, ..HERE };
     let plan = axis.plan(Goal::To(steps("100 steps")), options).await.expect("possible");
@@ -30,7 +31,7 @@ async fn a_plan_shows_the_requests_that_are_sent() {
 
 #[tokio::test(start_paused = true)]
 async fn microsteps_follow_the_present_mode() {
-    let rig = SmsdStage::new();
+    let rig = SmsdStage::new().await;
     let axis = rig.axis();
     for (code, parts) in [(0, 1), (3, 8), (7, 128)] {
         axis.stop(Stop::Free).await.expect("freed");
@@ -46,7 +47,7 @@ async fn microsteps_follow_the_present_mode() {
 
 #[tokio::test(start_paused = true)]
 async fn a_step_mode_that_does_not_exist_is_told_instead_of_a_position() {
-    let rig = SmsdStage::new();
+    let rig = SmsdStage::new().await;
     let axis = rig.axis();
     axis.state().await.expect("a state");
     let told = "MICROSTEPPING of stage reads 9, and it can be 0 to 7 (full step to 1/128); without it positions cannot be told; \
@@ -64,7 +65,7 @@ async fn a_step_mode_that_does_not_exist_is_told_instead_of_a_position() {
 
 #[tokio::test(start_paused = true)]
 async fn a_move_never_goes_over_the_end_of_the_counter() {
-    let rig = SmsdStage::new();
+    let rig = SmsdStage::new().await;
     let axis = rig.axis();
     axis.stop(Stop::Soft).await.expect("held");
     axis.zero().await.expect("it stands");
@@ -78,7 +79,7 @@ async fn a_move_never_goes_over_the_end_of_the_counter() {
 
 #[tokio::test(start_paused = true)]
 async fn a_motor_without_current_has_no_position() {
-    let rig = SmsdStage::new();
+    let rig = SmsdStage::new().await;
     let axis = rig.axis();
     assert!(matches!(axis.zero().await, Err(Error::Refused(_))), "its rotor is not held at power-up");
     axis.stop(Stop::Soft).await.expect("held");
@@ -90,7 +91,7 @@ async fn a_motor_without_current_has_no_position() {
 
 #[tokio::test(start_paused = true)]
 async fn a_move_by_somebody_else_makes_the_position_suspect() {
-    let rig = SmsdStage::new();
+    let rig = SmsdStage::new().await;
     let axis = rig.axis();
     axis.stop(Stop::Soft).await.expect("held");
     axis.zero().await.expect("it stands");
@@ -101,7 +102,7 @@ async fn a_move_by_somebody_else_makes_the_position_suspect() {
 
 #[tokio::test(start_paused = true)]
 async fn a_refusal_that_is_latched_stands_against_motion_until_it_is_cleared() {
-    let rig = SmsdStage::new();
+    let rig = SmsdStage::new().await;
     let axis = rig.axis();
     axis.run(Direction::Positive, HERE).await.expect("started");
     tokio::time::sleep(SECOND).await;
@@ -116,7 +117,7 @@ async fn a_refusal_that_is_latched_stands_against_motion_until_it_is_cleared() {
 
 #[tokio::test(start_paused = true)]
 async fn while_a_program_runs_nothing_is_moved_beside_it() {
-    let rig = SmsdStage::new();
+    let rig = SmsdStage::new().await;
     let axis = rig.axis();
     let program = [Instruction { opcode: Opcode::SetWait, data: 60_000 }];
     axis.motor().client().store_program(0, &program).await.expect("stored");
@@ -127,7 +128,7 @@ async fn while_a_program_runs_nothing_is_moved_beside_it() {
 
 #[tokio::test(start_paused = true)]
 async fn homing_wants_its_input_unmasked() {
-    let rig = SmsdStage::new();
+    let rig = SmsdStage::new().await;
     let axis = rig.axis();
     axis.motor().client().write(Reg::Mask, i64::from(!Input::SetZero.bit())).await.expect("taken");
     let refused = axis.home(Direction::Negative, HERE).await.expect_err("masked");

@@ -1,8 +1,7 @@
-//! The behaviour that both families share.
+//! The behaviour that all axes share.
 #![allow(clippy::float_cmp, reason = "whole steps are exact")]
 
-use crate::families::{Smd3Stage, SmsdStage, Stage};
-use crate::station::{MS, SECOND};
+use crate::stage::{MS, SECOND, Stage};
 use std::sync::Arc;
 use std::time::Duration;
 use stepdrive_host::axis::{Axis, AxisState, DriveAxis, Motor, MoveOptions, Plan, SoftLimits, Stop};
@@ -34,7 +33,7 @@ fn limits(low: i32, high: i32) -> SoftLimits {
     SoftLimits::new(Decimal::whole(low), Decimal::whole(high)).expect("in order")
 }
 
-async fn zeroed<S: Stage>(rig: &S) -> DriveAxis<S::Motor> {
+pub(crate) async fn zeroed<S: Stage>(rig: &S) -> DriveAxis<S::Motor> {
     let axis = rig.axis().with_scale(millimetres());
     energise(&axis).await;
     axis.zero().await.expect("it stands");
@@ -47,21 +46,22 @@ async fn energise<M: Motor>(axis: &DriveAxis<M>) {
     axis.stop(Stop::Soft).await.expect("done");
 }
 
-/// The same tests for both families.
+/// A macro that holds a stage to all of these tests, in a module of its own.
 macro_rules! suite {
-    ($($test:ident)+) => {
-        mod smd3 { $(
-            #[tokio::test(start_paused = true)]
-            async fn $test() { super::$test::<super::Smd3Stage>().await; }
-        )+ }
-        mod smsd { $(
-            #[tokio::test(start_paused = true)]
-            async fn $test() { super::$test::<super::SmsdStage>().await; }
-        )+ }
+    ($dollar:tt $($test:ident)+) => {
+        macro_rules! hold {
+            ($dollar family:ident to $dollar stage:ty) => {
+                mod $dollar family { $(
+                    #[tokio::test(start_paused = true)]
+                    async fn $test() { crate::suite::$test::<$dollar stage>().await; }
+                )+ }
+            };
+        }
+        pub(crate) use hold;
     };
 }
 
-suite! {
+suite! { $
     looking_moves_nothing_and_shows_an_unknown_position
     a_move_by_ends_where_it_should_and_takes_as_long_as_was_planned
     a_move_to_wants_a_trusted_position
@@ -94,8 +94,8 @@ suite! {
     the_axis_can_be_used_behind_a_box
 }
 
-async fn looking_moves_nothing_and_shows_an_unknown_position<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn looking_moves_nothing_and_shows_an_unknown_position<S: Stage>() {
+    let rig = S::new().await;
     let axis = rig.axis();
     let state = axis.state().await.expect("a state");
     assert_eq!((state.moving, state.speed, state.position), (false, 0.0, amount("0 steps")));
@@ -104,8 +104,8 @@ async fn looking_moves_nothing_and_shows_an_unknown_position<S: Stage>() {
     assert_eq!((rig.starts(), rig.carriage()), (0, 0.0));
 }
 
-async fn a_move_by_ends_where_it_should_and_takes_as_long_as_was_planned<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_move_by_ends_where_it_should_and_takes_as_long_as_was_planned<S: Stage>() {
+    let rig = S::new().await;
     let axis = rig.axis().with_scale(millimetres());
     let began = Instant::now();
     let plan = axis.move_by(amount("12.5mm"), HERE).await.expect("it is there");
@@ -118,8 +118,8 @@ async fn a_move_by_ends_where_it_should_and_takes_as_long_as_was_planned<S: Stag
     assert_eq!(rig.carriage(), -100.0);
 }
 
-async fn a_move_to_wants_a_trusted_position<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_move_to_wants_a_trusted_position<S: Stage>() {
+    let rig = S::new().await;
     let axis = rig.axis();
     let words = told(axis.move_to(amount("20 steps"), HERE).await);
     assert!(words.contains(" is unknown: the axis has not been homed; home it"), "{words}");
@@ -135,8 +135,8 @@ async fn a_move_to_wants_a_trusted_position<S: Stage>() {
     assert!(words.contains("the motor has stalled"), "{words}");
 }
 
-async fn a_plan_sends_nothing_and_shows_all<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_plan_sends_nothing_and_shows_all<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     let plan: Plan = axis.plan(goal("to 12.51mm"), HERE).await.expect("possible");
     assert_eq!((plan.from, plan.trust), (amount("0mm"), Trust::Trusted));
@@ -148,8 +148,8 @@ async fn a_plan_sends_nothing_and_shows_all<S: Stage>() {
     assert_eq!((exact.rounded, exact.to, exact.full_steps), (false, amount("2.5mm"), 100.0));
 }
 
-async fn units_that_do_not_fit_are_refused_before_anything_is_sent<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn units_that_do_not_fit_are_refused_before_anything_is_sent<S: Stage>() {
+    let rig = S::new().await;
     let axis = rig.axis().with_scale(millimetres());
     let refused = axis.move_by(amount("90 deg"), HERE).await.expect_err("no such unit");
     assert_eq!(refused.to_string(), "90 deg: deg do not fit this axis, which takes mm, turns, steps");
@@ -158,8 +158,8 @@ async fn units_that_do_not_fit_are_refused_before_anything_is_sent<S: Stage>() {
     assert_eq!(axis.move_by(amount("1mm"), fast).await.expect_err("no such unit").exit_code(), 1);
 }
 
-async fn soft_limits_are_checked_before_any_motion<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn soft_limits_are_checked_before_any_motion<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await.with_limits(limits(-2, 10));
     for text in ["to 10.01mm", "to -2.5mm", "by 11mm", "by 3 turns", "by -500 steps"] {
         let refused = axis.go(goal(text), HERE).await.expect_err("beyond");
@@ -176,8 +176,8 @@ async fn soft_limits_are_checked_before_any_motion<S: Stage>() {
     assert_eq!(rig.carriage(), -80.0);
 }
 
-async fn a_run_ends_at_the_soft_limit_or_when_it_is_stopped<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_run_ends_at_the_soft_limit_or_when_it_is_stopped<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     axis.run(Direction::Positive, HERE).await.expect("started");
     tokio::time::sleep(60 * SECOND).await;
@@ -201,8 +201,8 @@ async fn a_run_ends_at_the_soft_limit_or_when_it_is_stopped<S: Stage>() {
     );
 }
 
-async fn a_reversed_axis_goes_the_other_way<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_reversed_axis_goes_the_other_way<S: Stage>() {
+    let rig = S::new().await;
     let axis = rig.axis().with_scale(millimetres().reversed());
     axis.move_by(amount("-2.5mm"), HERE).await.expect("it is there");
     assert_eq!(rig.carriage(), 100.0);
@@ -215,8 +215,8 @@ async fn a_reversed_axis_goes_the_other_way<S: Stage>() {
     axis.wait_done(None).await.expect("it stands");
 }
 
-async fn a_speed_is_used<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_speed_is_used<S: Stage>() {
+    let rig = S::new().await;
     let axis = rig.axis().with_scale(millimetres());
     let slow = MoveOptions { speed: Some(Speed::parse("5mm/s").expect("a speed")), ..HERE };
     let began = Instant::now();
@@ -229,8 +229,8 @@ async fn a_speed_is_used<S: Stage>() {
     assert_eq!(rig.starts(), 1);
 }
 
-async fn homing_finds_zero_from_either_side_of_the_switch<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn homing_finds_zero_from_either_side_of_the_switch<S: Stage>() {
+    let rig = S::new().await;
     let axis = rig.axis();
     let at = MoveOptions { speed: Some(Speed::parse("200 steps/s").expect("a speed")), ..HERE };
     axis.home(Direction::Negative, at).await.expect("found");
@@ -245,8 +245,8 @@ async fn homing_finds_zero_from_either_side_of_the_switch<S: Stage>() {
     assert!(position.abs() < 0.01, "{position}");
 }
 
-async fn homing_that_finds_nothing_ends_at_its_timeout<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn homing_that_finds_nothing_ends_at_its_timeout<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     axis.move_by(amount("-5mm"), HERE).await.ok();
     let impatient = MoveOptions {
@@ -263,8 +263,8 @@ async fn homing_that_finds_nothing_ends_at_its_timeout<S: Stage>() {
     axis.move_by(amount("5 steps"), HERE).await.expect("it can be used again");
 }
 
-async fn a_soft_stop_ends_a_move_and_says_so<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_soft_stop_ends_a_move_and_says_so<S: Stage>() {
+    let rig = S::new().await;
     let axis = Arc::new(zeroed(&rig).await);
     let mover = Arc::clone(&axis);
     let moving = tokio::spawn(async move { mover.move_to(amount("100mm"), HERE).await });
@@ -276,8 +276,8 @@ async fn a_soft_stop_ends_a_move_and_says_so<S: Stage>() {
     assert_eq!((state.moving, state.trust), (false, Trust::Trusted));
 }
 
-async fn a_hard_stop_stops_at_once_and_makes_the_position_doubtful<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_hard_stop_stops_at_once_and_makes_the_position_doubtful<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     axis.run(Direction::Positive, HERE).await.expect("started");
     tokio::time::sleep(3 * SECOND).await;
@@ -290,8 +290,8 @@ async fn a_hard_stop_stops_at_once_and_makes_the_position_doubtful<S: Stage>() {
     axis.move_by(amount("1mm"), HERE).await.expect("it can still be moved");
 }
 
-async fn a_freed_motor_has_no_position<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_freed_motor_has_no_position<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     axis.run(Direction::Positive, HERE).await.expect("started");
     tokio::time::sleep(SECOND).await;
@@ -306,8 +306,8 @@ async fn a_freed_motor_has_no_position<S: Stage>() {
     assert_eq!(axis.trust().trust(), Trust::Trusted);
 }
 
-async fn a_motion_while_it_moves_is_refused<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_motion_while_it_moves_is_refused<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     axis.run(Direction::Positive, HERE).await.expect("started");
     tokio::time::sleep(SECOND).await;
@@ -324,8 +324,8 @@ async fn a_motion_while_it_moves_is_refused<S: Stage>() {
     assert_eq!(rig.starts(), 1);
 }
 
-async fn waiting_gives_up_at_its_timeout_without_stopping<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn waiting_gives_up_at_its_timeout_without_stopping<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     let impatient = MoveOptions { timeout: Some(SECOND), ..HERE };
     let words = told(axis.move_by(amount("100mm"), impatient).await);
@@ -335,8 +335,8 @@ async fn waiting_gives_up_at_its_timeout_without_stopping<S: Stage>() {
     assert_eq!(state.position, amount("100mm"));
 }
 
-async fn a_dropped_move_goes_on_and_can_be_stopped<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_dropped_move_goes_on_and_can_be_stopped<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     assert!(timeout(SECOND, axis.move_by(amount("100mm"), HERE)).await.is_err());
     assert!(rig.speed() > 0.0);
@@ -347,9 +347,9 @@ async fn a_dropped_move_goes_on_and_can_be_stopped<S: Stage>() {
     assert_eq!(rig.carriage(), 40.0);
 }
 
-async fn a_stop_that_comes_while_a_move_is_sent_off_wins<S: Stage>() {
+pub(crate) async fn a_stop_that_comes_while_a_move_is_sent_off_wins<S: Stage>() {
     for after in (5..180).step_by(10) {
-        let rig = S::new();
+        let rig = S::new().await;
         let axis = Arc::new(zeroed(&rig).await);
         // Now every request of the move takes 10 ms, and the stop comes between two of them.
         rig.slow_down();
@@ -365,8 +365,8 @@ async fn a_stop_that_comes_while_a_move_is_sent_off_wins<S: Stage>() {
     }
 }
 
-async fn a_stop_that_is_lost_is_sent_again<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_stop_that_is_lost_is_sent_again<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     for how in [Stop::Soft, Stop::Hard] {
         axis.run(Direction::Positive, HERE).await.expect("started");
@@ -378,8 +378,8 @@ async fn a_stop_that_is_lost_is_sent_again<S: Stage>() {
     }
 }
 
-async fn homing_that_somebody_else_stops_finds_nothing<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn homing_that_somebody_else_stops_finds_nothing<S: Stage>() {
+    let rig = S::new().await;
     let axis = Arc::new(zeroed(&rig).await);
     let at = MoveOptions { speed: Some(Speed::parse("100 steps/s").expect("a speed")), ..HERE };
     let mover = Arc::clone(&axis);
@@ -393,9 +393,9 @@ async fn homing_that_somebody_else_stops_finds_nothing<S: Stage>() {
     assert_eq!(rig.carriage(), -100.0);
 }
 
-async fn a_lost_reply_to_a_motion_is_told_and_nothing_is_repeated<S: Stage>() {
+pub(crate) async fn a_lost_reply_to_a_motion_is_told_and_nothing_is_repeated<S: Stage>() {
     for number in 0..16 {
-        let rig = S::new();
+        let rig = S::new().await;
         let axis = zeroed(&rig).await;
         rig.lose_reply(number);
         let outcome = axis.move_by(amount("5mm"), HERE).await;
@@ -410,8 +410,8 @@ async fn a_lost_reply_to_a_motion_is_told_and_nothing_is_repeated<S: Stage>() {
     }
 }
 
-async fn a_cut_line_keeps_trust_where_nothing_has_happened<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_cut_line_keeps_trust_where_nothing_has_happened<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     rig.cut();
     tokio::time::sleep(MS).await;
@@ -426,9 +426,9 @@ async fn a_cut_line_keeps_trust_where_nothing_has_happened<S: Stage>() {
     assert_eq!(axis.trust().trust(), Trust::Trusted, "on the way");
 }
 
-async fn a_controller_that_started_over_has_no_position<S: Stage>() {
+pub(crate) async fn a_controller_that_started_over_has_no_position<S: Stage>() {
     for place in ["0mm", "5mm"] {
-        let rig = S::new();
+        let rig = S::new().await;
         let axis = zeroed(&rig).await;
         axis.move_to(amount(place), HERE).await.expect("it is there");
         rig.restart();
@@ -440,8 +440,8 @@ async fn a_controller_that_started_over_has_no_position<S: Stage>() {
     }
 }
 
-async fn a_record_of_trust_outlives_the_program<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_record_of_trust_outlives_the_program<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     axis.move_to(amount("5mm"), HERE).await.expect("it is there");
     let record = axis.trust().to_string();
@@ -453,8 +453,8 @@ async fn a_record_of_trust_outlives_the_program<S: Stage>() {
     assert_eq!(rig.carriage(), 40.0);
 }
 
-async fn a_record_of_trust_does_not_outlive_a_restart<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn a_record_of_trust_does_not_outlive_a_restart<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     let record = axis.trust();
     drop(axis);
@@ -465,8 +465,8 @@ async fn a_record_of_trust_does_not_outlive_a_restart<S: Stage>() {
     assert_ne!(state.trust, Trust::Trusted, "{state:?}");
 }
 
-async fn where_the_counter_does_not_reach_nothing_goes<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn where_the_counter_does_not_reach_nothing_goes<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     for text in ["by 9000000 steps", "by -9000000 steps", "to 9000000 steps", "by 9223372036mm"] {
         let refused = axis.go(goal(text), HERE).await.expect_err("too far");
@@ -476,8 +476,8 @@ async fn where_the_counter_does_not_reach_nothing_goes<S: Stage>() {
     assert_eq!(rig.starts(), 0);
 }
 
-async fn zero_wants_a_standing_motor<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn zero_wants_a_standing_motor<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     axis.move_by(amount("5mm"), HERE).await.expect("it is there");
     axis.zero().await.expect("it stands");
@@ -486,8 +486,8 @@ async fn zero_wants_a_standing_motor<S: Stage>() {
     assert_eq!(rig.carriage(), 400.0);
 }
 
-async fn no_command_is_given_twice_under_any_trouble<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn no_command_is_given_twice_under_any_trouble<S: Stage>() {
+    let rig = S::new().await;
     let axis = zeroed(&rig).await;
     let mut expected = 0.0;
     for number in 0..200_u64 {
@@ -508,8 +508,8 @@ async fn no_command_is_given_twice_under_any_trouble<S: Stage>() {
     assert!(expected > 1000.0, "most moves were made");
 }
 
-async fn somebody_who_watches_all_the_time_shakes_no_trust<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn somebody_who_watches_all_the_time_shakes_no_trust<S: Stage>() {
+    let rig = S::new().await;
     let axis = Arc::new(zeroed(&rig).await);
     let watcher = Arc::clone(&axis);
     let watching = tokio::spawn(async move {
@@ -527,8 +527,8 @@ async fn somebody_who_watches_all_the_time_shakes_no_trust<S: Stage>() {
     assert_eq!(axis.trust().trust(), Trust::Trusted);
 }
 
-async fn the_axis_can_be_used_behind_a_box<S: Stage>() {
-    let rig = S::new();
+pub(crate) async fn the_axis_can_be_used_behind_a_box<S: Stage>() {
+    let rig = S::new().await;
     let axis: Box<dyn Axis> = Box::new(zeroed(&rig).await);
     axis.move_to(amount("1mm"), HERE).await.expect("it is there");
     assert_eq!((axis.speed().await, axis.faults().await), (Ok(0.0), Ok(vec![])));

@@ -15,6 +15,7 @@ use stepdrive_rig::mechanics::Mechanics;
 use stepdrive_spec::modbus::{Reply, Request, Table};
 use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::registers::{Access, Reg, Register};
+use stepdrive_spec::smsd::standard::{Firmware, VERSION_2};
 use stepdrive_spec::time::Instant;
 use tokio::io::DuplexStream;
 use tokio::sync::watch;
@@ -194,7 +195,14 @@ impl Bench {
             WordOrder::LowFirst => DriveOrder::LowFirst,
             WordOrder::HighFirst => DriveOrder::HighFirst,
         };
-        let config = Config { model, word_order, port: 502, autonomous: false };
+        let config = Config {
+            model,
+            word_order,
+            port: 502,
+            autonomous: false,
+            firmware: Firmware::Modbus,
+            protocol_version: VERSION_2,
+        };
         let machine = Machine::power_up(Mechanics::new(None, 0.0), Vec::new(), |_| {
             Smsd::power_up(Instant::ZERO, config, memory, 0)
         });

@@ -3,7 +3,7 @@
 use crate::bench::{Bench, MS, REQUEST, SECOND};
 use crate::link::Fault;
 use std::time::Duration;
-use stepdrive_host::smsd::{SmsdOptions, Way, WordOrder};
+use stepdrive_host::smsd::{Smsd, SmsdOptions, Way, WordOrder};
 use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
 use stepdrive_spec::smsd::registers::Reg;
 use tokio::time::timeout;

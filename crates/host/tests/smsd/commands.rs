@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, MS, SECOND, text};
 use crate::link::Fault;
-use stepdrive_host::smsd::Way;
+use stepdrive_host::smsd::{Smsd, Way};
 use stepdrive_host::{Direction, Error};
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::{INSTRUCTIONS, Opcode, Operand};

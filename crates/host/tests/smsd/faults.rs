@@ -3,7 +3,7 @@
 use crate::bench::{Bench, MS, SECOND, text, timed};
 use crate::link::Fault;
 use std::time::Duration;
-use stepdrive_host::smsd::{SmsdOptions, WordOrder};
+use stepdrive_host::smsd::{Smsd, SmsdOptions, WordOrder};
 use stepdrive_host::{Error, LineError};
 use stepdrive_rig::machine::Machine;
 use stepdrive_spec::smsd::registers::Reg;

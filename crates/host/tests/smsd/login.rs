@@ -4,7 +4,7 @@ use crate::bench::{Bench, MS, SECOND, text, timed};
 use crate::link::Fault;
 use std::time::Duration;
 use stepdrive_drive::smsd::Memory;
-use stepdrive_host::smsd::{SmsdOptions, WordOrder};
+use stepdrive_host::smsd::{Smsd, SmsdOptions, WordOrder};
 use stepdrive_host::{Error, LineError, Timeouts};
 use stepdrive_spec::modbus::Exception;
 use stepdrive_spec::smsd::models::Model;

@@ -3,7 +3,7 @@
 use crate::bench::{Bench, MS, SECOND, text, timed};
 use crate::link::Fault;
 use stepdrive_host::Error;
-use stepdrive_host::smsd::{SmsdOptions, WordOrder};
+use stepdrive_host::smsd::{Smsd, SmsdOptions, WordOrder};
 use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
 use stepdrive_spec::smsd::registers::Reg;
 
@@ -75,7 +75,7 @@ async fn a_program_is_erased_started_and_stopped() {
     bench.client.start_program(3).await.expect("a command");
     tokio::time::sleep(SECOND).await;
     let state = bench.client.program().await.expect("logged in");
-    assert!(state.running && state.area == 3 && state.line == 0, "{state:?}");
+    assert!(state.running == Some(true) && state.area == 3 && state.line == 0, "{state:?}");
     let error = bench.client.erase_program(3).await.expect_err("it runs");
     assert_eq!(
         error.to_string(),
@@ -84,7 +84,7 @@ async fn a_program_is_erased_started_and_stopped() {
     );
     assert_eq!(error.exit_code(), 7);
     bench.client.stop_program().await.expect("always taken");
-    assert!(!bench.client.program().await.expect("logged in").running);
+    assert_eq!(bench.client.program().await.expect("logged in").running, Some(false));
     bench.client.erase_program(3).await.expect("it is stopped");
     assert_eq!(bench.client.fetch_program(3).await, Ok(Vec::new()));
 }

@@ -7,7 +7,7 @@ use crate::link::Fault;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use std::time::Duration;
-use stepdrive_host::smsd::{SmsdOptions, Way, WordOrder};
+use stepdrive_host::smsd::{Smsd, SmsdOptions, Way, WordOrder};
 use stepdrive_host::{Direction, Error};
 use stepdrive_spec::modbus::Exception;
 use stepdrive_spec::smsd::instructions::{Instruction, Opcode};

@@ -4,7 +4,7 @@ use crate::bench::{Bench, MS, text};
 use crate::link::Fault;
 use stepdrive_drive::smsd::Memory;
 use stepdrive_host::Error;
-use stepdrive_host::smsd::{SmsdOptions, WordOrder};
+use stepdrive_host::smsd::{Smsd, SmsdOptions, WordOrder};
 use stepdrive_spec::modbus::Exception;
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::Opcode;
@@ -237,7 +237,7 @@ async fn the_whole_state_takes_four_requests() {
     bench.requests();
     let state = bench.client.state().await.expect("logged in");
     assert_eq!(bench.requests(), 4);
-    assert!(state.relay && !state.program.running);
+    assert!(state.relay && state.program.running == Some(false));
     assert_eq!((state.program.area, state.program.line, state.program.autonomous), (0, 0, 0));
 }
 

@@ -3,7 +3,7 @@
 use crate::bench::{Bench, SECOND, text};
 use crate::link::Fault;
 use stepdrive_host::Error;
-use stepdrive_host::smsd::SmsdOptions;
+use stepdrive_host::smsd::{Smsd, SmsdOptions};
 use stepdrive_spec::smsd::mode::MotorConfiguration;
 use stepdrive_spec::smsd::registers::Reg;
 
@@ -41,10 +41,10 @@ async fn a_motor_configuration_is_set_as_a_whole() {
 async fn lan_parameters_are_written_down_and_then_applied() {
     let bench = Bench::ready().await;
     let before = bench.client.lan_parameters().await.expect("logged in");
-    assert_eq!((before.id, before.ip, before.port, before.dhcp), (1, [192, 168, 1, 2], 502, false));
+    assert_eq!((before.id, before.ip, before.port, before.dhcp), (Some(1), [192, 168, 1, 2], 502, false));
     assert_eq!(before.mac, [0x00, 0xF8, 0xDC, 0x3F, 0x00, 0x00]);
     let mut wanted = before;
-    wanted.id = 17;
+    wanted.id = Some(17);
     wanted.mac = [2, 3, 4, 5, 6, 7];
     wanted.ip = [10, 0, 0, 5];
     wanted.subnet_mask = [255, 0, 0, 0];

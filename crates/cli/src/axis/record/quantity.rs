@@ -7,9 +7,9 @@ use crate::axis::{Client, Opened, instead};
 use crate::table::Column;
 use stepdrive_host::Error;
 use stepdrive_host::smd3::Smd3Client;
-use stepdrive_host::smsd::SmsdClient;
+use stepdrive_host::smsd::Smsd;
 use stepdrive_spec::smd3::commands::{Access as CommandAccess, COMMANDS, Command, Kind};
-use stepdrive_spec::smsd::registers::{Access, Reg};
+use stepdrive_spec::smsd::registers::Reg;
 
 /// The names of what every axis has.
 const OWN: [&str; 2] = ["position", "speed"];
@@ -36,7 +36,7 @@ impl Quantity {
         match (name, opened.client()) {
             ("position", _) => Ok(Quantity::Position),
             ("speed", _) => Ok(Quantity::Speed),
-            (name, Client::Smsd(_)) => register(name),
+            (name, Client::Smsd(client)) => register(client, name),
             (name, Client::Smd3(_)) => command(name),
         }
     }
@@ -54,12 +54,10 @@ impl Quantity {
     }
 }
 
-fn register(name: &str) -> Result<Quantity, String> {
+fn register(client: &dyn Smsd, name: &str) -> Result<Quantity, String> {
     let slot = map::find(name)?;
-    match slot.row().access {
-        Access::Read | Access::ReadWrite => Ok(Quantity::Register(slot)),
-        Access::Secret | Access::Trigger => Err(format!("{slot} cannot be read")),
-    }
+    client.check_readable(slot.reg).map_err(|why| why.to_string())?;
+    Ok(Quantity::Register(slot))
 }
 
 fn command(name: &str) -> Result<Quantity, String> {
@@ -152,7 +150,7 @@ impl Choice {
     }
 
     /// Reads the registers among them, as many as can be in one request.
-    async fn read_registers(&self, client: &SmsdClient) -> Result<Vec<f64>, Error> {
+    async fn read_registers(&self, client: &dyn Smsd) -> Result<Vec<f64>, Error> {
         let slots: Vec<Slot> = self.quantities.iter().filter_map(|quantity| quantity.slot()).collect();
         let firsts: Vec<Reg> = slots.iter().filter(|slot| slot.index == 0).map(|slot| slot.reg).collect();
         let mut read = client.read_many(&firsts).await?.into_iter();

@@ -1,9 +1,7 @@
 //! `stepdrive settings apply`: the plan is shown, carried out, and verified by reading back.
 
-use super::drive::{check_state, identity, lan_of, read, send, sent_for};
-use super::key::Family;
+use super::drive::{identity, lan_of, sent_for, untold as untold_of};
 use super::lan::differences as lan_differences;
-use super::plan::{Change, Difference, changes, differences, objection};
 use super::{LanDifference, Read, difference_table, file_of, json_of, number, shown};
 use crate::Failure;
 use crate::axis::progress::Progress;
@@ -13,6 +11,7 @@ use crate::terminal::{print, print_json, tell};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use stepdrive_host::Error;
+use stepdrive_host::settings::{Change, Difference, Family, changes, differences, objection};
 use stepdrive_host::smsd::LanParameters;
 
 #[derive(Debug, clap::Args)]
@@ -42,6 +41,10 @@ pub(crate) struct ApplyArgs {
 struct Plan {
     file: Read,
     changes: Vec<Change>,
+    /// What is sent for each.
+    sent: Vec<String>,
+    /// The settings among them that cannot be read back.
+    untold: Option<String>,
     /// The LAN parameters that are to be, and what of them is not so yet.
     lan: Option<(LanParameters, Vec<LanDifference>)>,
 }
@@ -67,7 +70,7 @@ pub(super) fn apply(args: &ApplyArgs) -> Result<(), Failure> {
                 Ok(())
             };
         }
-        check_state(opened, &plan.changes).await?;
+        opened.client().check_state(opened.name(), &plan.changes).await?;
         carry_out(opened, &plan.changes).await?;
         let outcome = verify(opened, args, &plan).await?;
         if args.axis.reach.json {
@@ -92,7 +95,7 @@ async fn make(opened: &Opened, args: &ApplyArgs) -> Result<Plan, Failure> {
             "an SMSD stores its motor configuration by itself; leave --store out".to_owned(),
         ));
     }
-    let now = read(opened).await?;
+    let now = opened.client().read_settings().await?;
     let wanted = &file.profile.settings;
     for (key, value) in wanted {
         // The model may be another than the file was made for.
@@ -103,12 +106,20 @@ async fn make(opened: &Opened, args: &ApplyArgs) -> Result<Plan, Failure> {
     if let Some((key, why)) = objection(wanted, &now) {
         return Err(file.mistake(key, why));
     }
-    let changes = changes(wanted, &now);
+    let mut changes = changes(wanted, &now);
+    // What cannot be read may be anything.
+    let untold = wanted.iter().filter(|(key, _)| !opened.client().tells(*key));
+    changes.extend(untold.map(|(key, to)| Change { key: *key, now: None, to: *to }));
+    let mut sent = Vec::new();
+    for change in &changes {
+        sent.push(sent_for(opened, change).await?);
+    }
+    let untold = untold_of(opened, changes.iter().map(|change| change.key));
     let lan = if args.lan { lan_plan(opened, &file).await? } else { None };
     if !args.lan && file.profile.lan.is_some() {
         tell("the LAN parameters are left as they are; --lan applies them too");
     }
-    Ok(Plan { file, changes, lan })
+    Ok(Plan { file, changes, sent, untold, lan })
 }
 
 async fn lan_plan(
@@ -128,15 +139,17 @@ fn plan_text(opened: &Opened, plan: &Plan) -> String {
     if nothing {
         return format!("{} is as {} says\n", opened.name(), plan.file.name);
     }
-    let of_change = |change: &Change| {
+    let of_change = |(change, sent): (&Change, &String)| {
         let name = change.key.name().to_owned();
-        [name, shown(change.key, change.now), shown(change.key, change.to), sent_for(change)]
+        let now = change.now.map_or_else(|| "not told".to_owned(), |now| shown(change.key, now));
+        [name, now, shown(change.key, change.to), sent.clone()]
     };
     let of_lan = |(name, file, now): &LanDifference| {
         [format!("lan.{name}"), now.clone(), file.clone(), "with all LAN parameters".to_owned()]
     };
     let lan = plan.lan.iter().flat_map(|(_, lan)| lan.iter().map(of_lan));
-    let rows: Vec<[String; 4]> = plan.changes.iter().map(of_change).chain(lan).collect();
+    let changes = plan.changes.iter().zip(&plan.sent).map(of_change);
+    let rows: Vec<[String; 4]> = changes.chain(lan).collect();
     let columns =
         [("SETTING", Align::Left), ("NOW", Align::Left), ("THEN", Align::Left), ("SENT", Align::Left)];
     text(&table(columns, &rows))
@@ -145,32 +158,12 @@ fn plan_text(opened: &Opened, plan: &Plan) -> String {
 /// Sends the changes one after another.
 async fn carry_out(opened: &Opened, changes: &[Change]) -> Result<(), Failure> {
     let mut progress = Progress::new("setting");
-    for (number, change) in changes.iter().enumerate() {
-        progress.show(number, changes.len());
-        if let Err(cause) = send(opened, change).await {
-            return Err(halted(changes, number, cause).into());
-        }
-    }
-    Ok(())
-}
-
-/// The error for a change that failed: what was done before it, and what was not.
-fn halted(changes: &[Change], number: usize, cause: Error) -> Error {
-    let names =
-        |changes: &[Change]| changes.iter().map(|change| change.key.name()).collect::<Vec<&str>>().join(", ");
-    let (before, rest) = changes.split_at_checked(number).unwrap_or((changes, &[]));
-    let done = match before {
-        [] => "no setting before it was changed".to_owned(),
-        _ => format!("{} had been set", names(before)),
-    };
-    let left = rest.get(1..).filter(|left| !left.is_empty());
-    let left = left.map_or_else(String::new, |left| format!("; {} not tried", names(left)));
-    Error::Partly { done: format!("{done}{left}"), cause: Box::new(cause) }
+    Ok(opened.client().apply(changes, |number| progress.show(number, changes.len())).await?)
 }
 
 /// Reads everything back, and has it stored where that is wanted and all is well.
 async fn verify(opened: &Opened, args: &ApplyArgs, plan: &Plan) -> Result<Outcome, Failure> {
-    let now = read(opened).await.map_err(|failure| unverified(plan, failure))?;
+    let now = opened.client().read_settings().await.map_err(|cause| unverified(plan, cause))?;
     let differences = differences(&plan.file.profile.settings, &now);
     let stored = match opened.client() {
         Client::Smd3(client) if args.store && differences.is_empty() => {
@@ -185,8 +178,7 @@ async fn verify(opened: &Opened, args: &ApplyArgs, plan: &Plan) -> Result<Outcom
     Ok(Outcome { differences, stored })
 }
 
-fn unverified(plan: &Plan, failure: Failure) -> Failure {
-    let Failure::Host(cause) = failure else { return failure };
+fn unverified(plan: &Plan, cause: Error) -> Failure {
     let done = format!("{} settings were sent, but could not be read back", plan.changes.len());
     Error::Partly { done, cause: Box::new(cause) }.into()
 }
@@ -197,8 +189,7 @@ fn conclude(opened: &Opened, plan: &Plan, outcome: &Outcome) -> Result<(), Failu
         return print(&format!("\n{}", text(&difference_table(&outcome.differences, &[]))));
     }
     if !plan.changes.is_empty() {
-        let count = plan.file.profile.settings.len();
-        print(&format!("set, and all {count} settings of the file read back as they should\n"))?;
+        print(&format!("set, and {}\n", verified(plan)))?;
     }
     let lost = plan.changes.iter().any(|change| change.key.is_volatile());
     match opened.client() {
@@ -212,6 +203,18 @@ fn conclude(opened: &Opened, plan: &Plan, outcome: &Outcome) -> Result<(), Failu
             Ok(())
         }
         Client::Smd3(_) | Client::Smsd(_) => Ok(()),
+    }
+}
+
+/// What was read back, and what could not be.
+fn verified(plan: &Plan) -> String {
+    let count = plan.file.profile.settings.len();
+    match &plan.untold {
+        None => format!("all {count} settings of the file read back as they should"),
+        Some(names) => {
+            let told = count - plan.changes.iter().filter(|change| change.now.is_none()).count();
+            format!("{told} settings of the file read back as they should; not told over this line: {names}")
+        }
     }
 }
 
@@ -231,11 +234,7 @@ async fn apply_lan(opened: &Opened, plan: &Plan) -> Result<(), Failure> {
     if differences.is_empty() {
         return Ok(());
     }
-    client.set_lan_parameters(wanted).await?;
-    client.apply_lan_parameters().await.map_err(|cause| Error::Partly {
-        done: "the LAN parameters were written, but may not be in effect".to_owned(),
-        cause: Box::new(cause),
-    })?;
+    client.configure_lan(wanted).await?;
     let [a, b, c, d] = wanted.ip;
     let place =
         if wanted.dhcp { "where its DHCP server puts it".to_owned() } else { format!("{a}.{b}.{c}.{d}") };
@@ -248,13 +247,13 @@ async fn apply_lan(opened: &Opened, plan: &Plan) -> Result<(), Failure> {
 
 /// All of it as JSON; `outcome` is `None` when nothing was sent.
 fn report(opened: &Opened, args: &ApplyArgs, plan: &Plan, outcome: Option<&Outcome>) -> Value {
-    let change = |change: &Change| {
+    let change = |(change, sent): (&Change, &String)| {
         json!({
             "name": change.key.name(),
-            "now": number(change.now),
+            "now": change.now.map(number),
             "to": number(change.to),
             "unit": change.key.unit(),
-            "sent": sent_for(change),
+            "sent": sent,
         })
     };
     let lan = plan.lan.as_ref().map(|(_, lan)| json_of(&[], lan));
@@ -262,27 +261,11 @@ fn report(opened: &Opened, args: &ApplyArgs, plan: &Plan, outcome: Option<&Outco
         "axis": opened.name(),
         "file": plan.file.name,
         "dry_run": args.dry_run,
-        "changes": plan.changes.iter().map(change).collect::<Vec<Value>>(),
+        "changes": plan.changes.iter().zip(&plan.sent).map(change).collect::<Vec<Value>>(),
+        "not_told": plan.untold,
         "lan": lan,
         "verified": outcome.map(|outcome| outcome.differences.is_empty()),
         "differences": outcome.map(|outcome| json_of(&outcome.differences, &[])),
         "stored": outcome.is_some_and(|outcome| outcome.stored),
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::key::Key;
-    use super::*;
-    use stepdrive_spec::smd3::commands::Command;
-
-    #[test]
-    fn a_change_that_fails_says_what_was_done_and_what_was_not() {
-        let change = |command| Change { key: Key::Smd3(command), now: 0.0, to: 1.0 };
-        let changes = [Command::Vmax, Command::Ir, Command::Ih].map(change);
-        let told = |number| halted(&changes, number, Error::Refused("IR refused".to_owned())).to_string();
-        assert_eq!(told(0), "IR refused; no setting before it was changed; IR, IH not tried");
-        assert_eq!(told(1), "IR refused; VMAX had been set; IH not tried");
-        assert_eq!(told(2), "IR refused; VMAX, IR had been set");
-    }
 }

@@ -1,7 +1,7 @@
 //! What a profile is for, and what a controller is.
 
-use super::key::Family;
 use std::fmt;
+use stepdrive_host::settings::Family;
 use stepdrive_spec::smsd::models::Model;
 
 /// A kind of controller. It displays as people call it.

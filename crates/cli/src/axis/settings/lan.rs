@@ -10,8 +10,8 @@ use toml::Spanned;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WrittenLan {
-    /// Modbus unit identifier, 1 to 247.
-    id: Spanned<u8>,
+    /// Modbus unit identifier, 1 to 247; left out for a controller with the standard firmware, which has none.
+    id: Option<Spanned<u8>>,
     ip: Ipv4Addr,
     subnet_mask: Ipv4Addr,
     gateway: Ipv4Addr,
@@ -25,14 +25,14 @@ pub(super) struct WrittenLan {
 impl WrittenLan {
     /// The parameters, without a MAC address.
     pub(super) fn check(&self) -> Result<LanParameters, Misplaced> {
-        if !(1..=247).contains(self.id.get_ref()) {
-            return Err((self.id.span(), format!("id takes 1 to 247, not {}", self.id.get_ref())));
+        if let Some(id) = self.id.as_ref().filter(|id| !(1..=247).contains(id.get_ref())) {
+            return Err((id.span(), format!("id takes 1 to 247, not {}", id.get_ref())));
         }
         if *self.port.get_ref() == 0 {
             return Err((self.port.span(), "port takes 1 to 65535, not 0".to_owned()));
         }
         Ok(LanParameters {
-            id: *self.id.get_ref(),
+            id: self.id.as_ref().map(|id| *id.get_ref()),
             mac: [0; 6],
             ip: self.ip.octets(),
             subnet_mask: self.subnet_mask.octets(),
@@ -45,35 +45,37 @@ impl WrittenLan {
 }
 
 /// Their names and values, as they stand in a profile.
-pub(super) fn rows(lan: &LanParameters) -> [(&'static str, String); 7] {
+pub(super) fn rows(lan: &LanParameters) -> Vec<(&'static str, String)> {
     let address = |octets: [u8; 4]| format!("\"{}\"", Ipv4Addr::from(octets));
-    [
-        ("id", lan.id.to_string()),
+    let id = lan.id.map(|id| ("id", id.to_string()));
+    let others = [
         ("ip", address(lan.ip)),
         ("subnet_mask", address(lan.subnet_mask)),
         ("gateway", address(lan.gateway)),
         ("dns", address(lan.dns)),
         ("port", lan.port.to_string()),
         ("dhcp", lan.dhcp.to_string()),
-    ]
+    ];
+    id.into_iter().chain(others).collect()
 }
 
 /// The part of a profile.
 pub(super) fn lan_text(lan: &LanParameters) -> String {
-    let lines = rows(lan).map(|(name, value)| format!("{name} = {value}\n"));
+    let lines: Vec<String> = rows(lan).iter().map(|(name, value)| format!("{name} = {value}\n")).collect();
     format!(
         "\n# Applied only with --lan: the controller is reached there afterwards.\n[lan]\n{}",
         lines.concat()
     )
 }
 
-/// What is not the same: the name, the value in the file, and that in the controller.
+/// What is not the same: the name, the value in the file, and that in the controller. What only one of them has is none.
 pub(super) fn differences(file: &LanParameters, now: &LanParameters) -> Vec<(&'static str, String, String)> {
-    let pairs = rows(file).into_iter().zip(rows(now));
-    pairs
-        .filter(|((_, file), (_, now))| file != now)
-        .map(|((name, file), (_, now))| (name, file, now))
-        .collect()
+    let now = rows(now);
+    let both = rows(file).into_iter().filter_map(|(name, file)| {
+        let (_, now) = now.iter().find(|(other, _)| *other == name)?;
+        Some((name, file, now.clone()))
+    });
+    both.filter(|(_, file, now)| file != now).collect()
 }
 
 #[cfg(test)]
@@ -81,7 +83,7 @@ mod tests {
     use super::*;
 
     const LAN: LanParameters = LanParameters {
-        id: 3,
+        id: Some(3),
         mac: [0, 1, 2, 3, 4, 5],
         ip: [192, 168, 1, 2],
         subnet_mask: [255, 255, 0, 0],
@@ -102,7 +104,9 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_but_for_the_mac_address() {
-        assert_eq!(read(&lan_text(&LAN)), Ok(LanParameters { mac: [0; 6], ..LAN }));
+        for lan in [LAN, LanParameters { id: None, ..LAN }] {
+            assert_eq!(read(&lan_text(&lan)), Ok(LanParameters { mac: [0; 6], ..lan }));
+        }
     }
 
     #[test]
@@ -115,6 +119,7 @@ mod tests {
     #[test]
     fn only_what_differs_is_told() {
         assert_eq!(differences(&LAN, &LanParameters { mac: [9; 6], ..LAN }), []);
+        assert_eq!(differences(&LAN, &LanParameters { id: None, ..LAN }), []);
         let told = differences(&LAN, &LanParameters { port: 1502, ..LAN });
         assert_eq!(told, [("port", "502".to_owned(), "1502".to_owned())]);
     }

@@ -2,10 +2,8 @@
 
 mod apply;
 mod drive;
-pub(crate) mod key;
 mod kind;
 mod lan;
-mod plan;
 mod profile;
 
 use super::{AxisArgs, Opened, look_at};
@@ -13,14 +11,13 @@ use crate::rig::table::{Align, table, text};
 use crate::terminal::{print, print_json, tell};
 use crate::{Failure, disk};
 use clap::Subcommand;
-use drive::{identity, lan_of, read};
-use key::{Family, Key};
+use drive::{identity, lan_of, untold};
 use kind::ControllerKind;
 use lan::differences as lan_differences;
-use plan::{Difference, differences};
 use profile::Profile;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use stepdrive_host::settings::{Difference, Family, Key, differences};
 
 /// What can be done with settings.
 #[derive(Debug, Subcommand)]
@@ -116,7 +113,10 @@ fn save(args: &SaveArgs) -> Result<(), Failure> {
         if args.lan && kind.family() == Family::Smd3 {
             return Err(Failure::Usage("an SMD3 has no LAN parameters; leave --lan out".to_owned()));
         }
-        let settings = read(opened).await?;
+        let settings = opened.client().read_settings().await?;
+        if let Some(names) = untold(opened, Key::all(kind.family())) {
+            tell(&format!("{} does not tell all over this line; left out: {names}", opened.name()));
+        }
         let lan = if args.lan { lan_of(opened).await? } else { None };
         let heading =
             format!("The settings of {}, read by stepdrive {}.", opened.name(), env!("CARGO_PKG_VERSION"));
@@ -139,8 +139,11 @@ fn diff(args: &DiffArgs) -> Result<(), Failure> {
     look_at(&args.axis, async |opened| {
         let read_file = Read::from(file_of(args.file.as_deref(), opened)?)?;
         read_file.check_kind(opened, identity(opened).await?)?;
-        let found = differences(&read_file.profile.settings, &read(opened).await?);
+        let found = differences(&read_file.profile.settings, &opened.client().read_settings().await?);
         let lan = lan_difference(opened, &read_file.profile).await?;
+        if let Some(names) = untold(opened, read_file.profile.settings.iter().map(|(key, _)| *key)) {
+            tell(&format!("{} does not tell all over this line; not compared: {names}", opened.name()));
+        }
         if args.axis.reach.json {
             print_json(&json!({
                 "axis": opened.name(),

@@ -1,21 +1,17 @@
 //! Profiles: a controller's settings as TOML.
 
-use super::key::{Family, Key};
 use super::kind::ControllerKind;
 use super::lan::{WrittenLan, lan_text};
-use crate::axis::map::plural;
 use crate::axis::names::{instead, shown};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::ops::Range;
+use stepdrive_host::settings::{Family, Key, Setting, plural};
 use stepdrive_host::smsd::LanParameters;
 use stepdrive_rig::file::Mistake;
 use stepdrive_spec::smsd::models::Model;
 use toml::Spanned;
-
-/// A setting and its value.
-pub(super) type Setting = (Key, f64);
 
 /// A profile.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,7 +7,7 @@ use crate::axis::names::{instead, shown};
 use crate::rig::table::{Align, table, text};
 use serde_json::{Value, json};
 use stepdrive_host::Error;
-use stepdrive_host::smsd::{SmsdClient, Snapshot};
+use stepdrive_host::smsd::{Smsd, Snapshot};
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::{INSTRUCTIONS, Opcode, Operand};
 use stepdrive_spec::smsd::models::Model;
@@ -23,7 +23,7 @@ enum Asked {
 }
 
 /// Does what a line asks for, and explains what came.
-pub(super) async fn answer(client: &SmsdClient, line: &str) -> Result<Answer, Error> {
+pub(super) async fn answer(client: &dyn Smsd, line: &str) -> Result<Answer, Error> {
     let done = match parse(line) {
         Ok(Asked::Read(slot)) => read(client, line, slot).await,
         Ok(Asked::Write(slot, value)) => write(client, line, slot, value).await,
@@ -47,7 +47,7 @@ pub(super) async fn answer(client: &SmsdClient, line: &str) -> Result<Answer, Er
     }
 }
 
-async fn read(client: &SmsdClient, line: &str, slot: Slot) -> Result<Answer, Error> {
+async fn read(client: &dyn Smsd, line: &str, slot: Slot) -> Result<Answer, Error> {
     let row = slot.row();
     if matches!(row.access, Access::Secret) {
         return Err(Error::Usage(format!(
@@ -58,9 +58,9 @@ async fn read(client: &SmsdClient, line: &str, slot: Slot) -> Result<Answer, Err
     Ok(told(line, slot, value))
 }
 
-async fn write(client: &SmsdClient, line: &str, slot: Slot, value: i64) -> Result<Answer, Error> {
+async fn write(client: &dyn Smsd, line: &str, slot: Slot, value: i64) -> Result<Answer, Error> {
     client.write_at(slot.reg, slot.index, value).await?;
-    if matches!(slot.row().access, Access::Secret | Access::Trigger) {
+    if client.check_readable(slot.reg).is_err() {
         let text = format!("{slot} was written\n");
         return Ok(Answer { text, json: json!({ "line": line, "name": slot.to_string() }), refused: None });
     }
@@ -85,7 +85,7 @@ fn told(line: &str, slot: Slot, value: i64) -> Answer {
 }
 
 /// What the motor does now that a command was taken.
-async fn moved(client: &SmsdClient, line: &str, name: &str) -> Result<Answer, Error> {
+async fn moved(client: &dyn Smsd, line: &str, name: &str) -> Result<Answer, Error> {
     let motor = client.snapshot().await?;
     Ok(Answer { text: format!("{name}: {motor}\n"), json: motor_json(line, name, &motor), refused: None })
 }

@@ -1,14 +1,14 @@
 //! The settings of both families, from the tables of their registers and commands.
 
-use crate::axis::meaning;
+use super::words::{self, unit};
 use stepdrive_spec::smd3::commands::{Access, COMMANDS, Command, Kind, Value};
 use stepdrive_spec::smd3::units::{self, Grid};
 use stepdrive_spec::smsd::models::Model;
-use stepdrive_spec::smsd::registers::Reg;
+use stepdrive_spec::smsd::registers::{self, Reg};
 
 /// A family of controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Family {
+pub enum Family {
     /// SMSD-4.2LAN and SMSD-8.0LAN.
     Smsd,
     /// SMD3.
@@ -17,7 +17,7 @@ pub(crate) enum Family {
 
 /// A setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Key {
+pub enum Key {
     /// A register of an SMSD.
     Smsd(Reg),
     /// A command of an SMD3.
@@ -40,16 +40,33 @@ const SMSD: [Reg; 11] = [
     Reg::Mask,
 ];
 
+/// What belongs together in an SMSD: a name, and the first setting of it.
+const SMSD_GROUPS: [(&str, Reg); 3] =
+    [("Motion", Reg::MinSpeed), ("Motor", Reg::CurrentOrVoltage), ("Inputs", Reg::Mask)];
+
+/// The same in an SMD3, as in the manual's quick reference.
+const SMD3_GROUPS: [(&str, Command); 6] = [
+    ("General", Command::Ser),
+    ("Motor", Command::Tsel),
+    ("Limit inputs", Command::L),
+    ("Profile", Command::Amax),
+    ("Step and direction", Command::Edge),
+    ("Bake", Command::Baket),
+];
+
 /// Those of an SMD3 that a new resolution rounds anew.
 const SHAPED_BY_RES: [Command; 5] =
     [Command::Amax, Command::Dmax, Command::Vstart, Command::Vstop, Command::Vmax];
+
+/// More values than this are not offered to be chosen from.
+const MOST_CHOICES: f64 = 64.0;
 
 /// So much may a value differ from what is printed of it: the drive prints six digits.
 const PRINTED: f64 = 1e-5;
 
 impl Key {
     /// All settings of a family, in the order of its table.
-    pub(crate) fn all(family: Family) -> Vec<Key> {
+    pub fn all(family: Family) -> Vec<Key> {
         let smd3 = COMMANDS.iter().filter(|row| row.stored && row.access == Access::ReadWrite);
         match family {
             Family::Smsd => SMSD.map(Key::Smsd).to_vec(),
@@ -58,7 +75,7 @@ impl Key {
     }
 
     /// The maker's name.
-    pub(crate) fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Key::Smsd(reg) => reg.info().name,
             Key::Smd3(command) => command.info().mnemonic,
@@ -66,23 +83,42 @@ impl Key {
     }
 
     /// The unit of its value; empty for a plain number.
-    pub(crate) fn unit(self) -> &'static str {
+    pub fn unit(self) -> &'static str {
         match self {
             Key::Smsd(reg) => reg.info().unit,
             Key::Smd3(command) => command.info().unit,
         }
     }
 
-    /// What it is.
-    pub(crate) fn about(self) -> &'static str {
+    /// What it is, in a sentence.
+    pub fn about(self) -> &'static str {
         match self {
             Key::Smsd(reg) => reg.info().about,
             Key::Smd3(command) => command.info().about,
         }
     }
 
+    /// What it belongs to, as in `Motor`.
+    pub fn group(self) -> &'static str {
+        let name = match self {
+            Key::Smsd(reg) => SMSD_GROUPS.iter().rfind(|(_, first)| reg >= *first).map(|(name, _)| *name),
+            Key::Smd3(command) => {
+                SMD3_GROUPS.iter().rfind(|(_, first)| command >= *first).map(|(name, _)| *name)
+            }
+        };
+        name.unwrap_or_default()
+    }
+
+    /// Where the maker tells of it.
+    pub fn source(self) -> &'static str {
+        match self {
+            Key::Smsd(reg) => reg.info().source,
+            Key::Smd3(_) => "manual, Command reference",
+        }
+    }
+
     /// Its value as it leaves the factory.
-    pub(crate) fn default(self) -> f64 {
+    pub fn default(self) -> f64 {
         match self {
             Key::Smsd(reg) => reg.info().default as f64,
             Key::Smd3(command) => command.info().default,
@@ -90,44 +126,68 @@ impl Key {
     }
 
     /// Whether it is lost at power-off whatever is done.
-    pub(crate) fn is_volatile(self) -> bool {
+    pub fn is_volatile(self) -> bool {
         matches!(self, Key::Smsd(reg) if !reg.info().stored)
     }
 
     /// Whether its values are whole numbers.
-    pub(crate) fn is_whole(self) -> bool {
+    pub fn is_whole(self) -> bool {
         !matches!(self, Key::Smd3(command) if command.info().kind == Kind::Float)
     }
 
     /// Whether a new `RES` may change it.
-    pub(crate) fn is_shaped_by_res(self) -> bool {
+    pub fn is_shaped_by_res(self) -> bool {
         matches!(self, Key::Smd3(command) if SHAPED_BY_RES.contains(&command))
     }
 
     /// What a value means; empty where it is nothing but a number.
-    pub(crate) fn meaning(self, value: f64) -> String {
+    pub fn meaning(self, value: f64) -> String {
         // Settings that have a meaning are whole, and small.
         #[allow(clippy::cast_possible_truncation, reason = "`as` saturates")]
         let whole = value as i64;
         match self {
-            Key::Smsd(reg) => meaning::of_register(reg.info(), whole),
-            Key::Smd3(Command::Mode) => meaning::mode(whole),
+            Key::Smsd(reg) => words::of_register(reg, whole),
+            Key::Smd3(Command::Mode) => words::mode(whole),
             Key::Smd3(command) => match command.info().kind {
-                Kind::Bool => meaning::of_value(command, Value::Bool(whole != 0)),
-                Kind::Uint => meaning::of_value(command, Value::Uint(whole.unsigned_abs())),
+                Kind::Bool => words::of_value(command, Value::Bool(whole != 0)),
+                Kind::Uint => words::of_value(command, Value::Uint(whole.unsigned_abs())),
                 Kind::None | Kind::Int | Kind::Float | Kind::Sign | Kind::Text => String::new(),
             },
         }
     }
 
+    /// Whether it is on or off.
+    pub fn is_switch(self) -> bool {
+        match self {
+            Key::Smsd(reg) => reg.info().kind == registers::Kind::Bit,
+            Key::Smd3(command) => command.info().kind == Kind::Bool,
+        }
+    }
+
+    /// Its values with what each means, where each means something and there are no more than a person can choose from.
+    pub fn choices(self, model: Option<Model>) -> Vec<(f64, String)> {
+        let (min, max) = self.range(model);
+        if !self.is_whole() || max - min > MOST_CHOICES || self.is_amount() {
+            return Vec::new();
+        }
+        let values = std::iter::successors(Some(min), |value| (*value < max).then_some(value + 1.0));
+        let choices: Vec<(f64, String)> = values.map(|value| (value, self.meaning(value))).collect();
+        if choices.iter().all(|(_, name)| !name.is_empty()) { choices } else { Vec::new() }
+    }
+
+    /// Whether its number is one of its unit: then there is nothing to choose.
+    fn is_amount(self) -> bool {
+        !self.unit().is_empty()
+    }
+
     /// Why it cannot have a value, on a model where that matters, at a resolution where that matters.
-    pub(crate) fn refuses(self, value: f64, model: Option<Model>, resolution: u16) -> Option<String> {
+    pub fn refuses(self, value: f64, model: Option<Model>, resolution: u16) -> Option<String> {
         if self.is_whole() && value.fract() != 0.0 {
             return Some("is a whole number".to_owned());
         }
         let (min, max) = self.range(model);
         if !(min..=max).contains(&value) {
-            let unit = crate::axis::map::unit(self.unit());
+            let unit = unit(self.unit());
             return Some(format!("takes {min} to {max}{unit}"));
         }
         let Key::Smd3(command) = self else { return None };
@@ -139,12 +199,14 @@ impl Key {
         let greatest = profile_grid(command, resolution).map(Grid::greatest);
         let beyond = greatest.filter(|greatest| value > *greatest && !same(value, *greatest));
         beyond.map(|greatest| {
-            let unit = crate::axis::map::unit(self.unit());
+            let unit = unit(self.unit());
             format!("goes up to {greatest:.1}{unit} when RES is {resolution}")
         })
     }
 
-    fn range(self, model: Option<Model>) -> (f64, f64) {
+    /// The lowest and the highest value that it can have: on a model, or on any where that is not known. At a resolution of an
+    /// SMD3 what shapes its motion may have closer limits; see [`Key::refuses`].
+    pub fn range(self, model: Option<Model>) -> (f64, f64) {
         match self {
             Key::Smsd(reg) => {
                 let models = Model::ALL.into_iter().filter(|one| model.is_none_or(|model| model == *one));
@@ -157,7 +219,7 @@ impl Key {
     }
 
     /// What the controller makes of a value: the nearest that it can.
-    pub(crate) fn made(self, value: f64, resolution: u16) -> f64 {
+    pub fn made(self, value: f64, resolution: u16) -> f64 {
         let Key::Smd3(command) = self else { return value };
         match grid(command, resolution) {
             Some(grid) => grid.round(value),
@@ -168,29 +230,29 @@ impl Key {
     }
 
     /// Whether a controller that has a value is as it is wanted. It may round otherwise than is known here, or not at all.
-    pub(crate) fn is_as_wanted(self, wanted: f64, found: f64, resolution: u16) -> bool {
+    pub fn is_as_wanted(self, wanted: f64, found: f64, resolution: u16) -> bool {
         same(wanted, found) || same(self.made(wanted, resolution), found)
     }
 
     /// A value as it is sent: as it is, unless it is a greatest value that was rounded up when it was printed.
-    pub(crate) fn sendable(self, value: f64, resolution: u16) -> f64 {
+    pub fn sendable(self, value: f64, resolution: u16) -> f64 {
         let Key::Smd3(command) = self else { return value };
         profile_grid(command, resolution).map_or(value, |grid| value.min(grid.greatest()))
     }
 }
 
 /// A value as the drive prints it: six digits.
-pub(crate) fn printed(value: f64) -> f64 {
+pub fn printed(value: f64) -> f64 {
     format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 /// Whether two values are the same but for how they are printed.
-pub(crate) fn same(one: f64, other: f64) -> bool {
+pub fn same(one: f64, other: f64) -> bool {
     (one - other).abs() <= PRINTED * one.abs().max(other.abs())
 }
 
 /// The resolution that `RES` becomes.
-pub(crate) fn resolution_of(value: f64) -> u16 {
+pub fn resolution_of(value: f64) -> u16 {
     // `as` saturates: what is not a number or negative becomes 0.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     let whole = value as u32;
@@ -242,6 +304,41 @@ mod tests {
             for key in Key::all(family) {
                 assert_eq!(key.refuses(key.default(), Some(Model::Smsd42), 256), None, "{}", key.name());
             }
+        }
+    }
+
+    #[test]
+    fn every_setting_belongs_to_something() {
+        let group = |key: Key| key.group();
+        assert_eq!([Reg::Acc, Reg::FsSpeed].map(|reg| group(Key::Smsd(reg))), ["Motion"; 2]);
+        assert_eq!([Reg::CurrentOrVoltage, Reg::StopCurrent].map(|reg| group(Key::Smsd(reg))), ["Motor"; 2]);
+        assert_eq!(group(Key::Smsd(Reg::Mask)), "Inputs");
+        assert_eq!([Command::Mode, Command::Exten].map(|command| group(Key::Smd3(command))), ["General"; 2]);
+        assert_eq!(
+            [Command::Ir, Command::Vmax].map(|command| group(Key::Smd3(command))),
+            ["Motor", "Profile"]
+        );
+        for key in [Family::Smsd, Family::Smd3].into_iter().flat_map(Key::all) {
+            assert!(!group(key).is_empty() && !key.source().is_empty(), "{}", key.name());
+        }
+    }
+
+    #[test]
+    fn what_has_names_can_be_chosen_from() {
+        let names =
+            |key: Key| key.choices(Some(Model::Smsd80)).into_iter().map(|(_, name)| name).collect::<Vec<_>>();
+        assert_eq!(names(Key::Smsd(Reg::CurrentOrVoltage)), ["voltage", "current"]);
+        assert_eq!(names(Key::Smsd(Reg::Microstepping)).first().map(String::as_str), Some("1/1"));
+        assert_eq!(names(Key::Smsd(Reg::StopCurrent)).len(), 4);
+        assert_eq!(names(Key::Smd3(Command::Mode)).len(), 6);
+        assert_eq!(names(Key::Smd3(Command::Tsel)), ["thermocouple", "RTD"]);
+        for key in [
+            Key::Smsd(Reg::MaxSpeed),
+            Key::Smsd(Reg::WorkCurrent),
+            Key::Smd3(Command::Res),
+            Key::Smd3(Command::Ir),
+        ] {
+            assert_eq!(names(key), Vec::<String>::new(), "{}", key.name());
         }
     }
 

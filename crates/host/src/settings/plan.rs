@@ -1,43 +1,45 @@
-//! What has to be set so that a controller is as a profile says.
+//! What has to be set so that a controller is as it is wanted.
 
 use super::key::{Key, printed, resolution_of, same};
-use super::profile::Setting;
 use stepdrive_spec::smd3::commands::Command;
+
+/// A setting and its value.
+pub type Setting = (Key, f64);
 
 /// A setting that is to be changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Change {
+pub struct Change {
     /// Which.
-    pub(super) key: Key,
-    /// What it is now.
-    pub(super) now: f64,
+    pub key: Key,
+    /// What it is now; `None` where that cannot be read.
+    pub now: Option<f64>,
     /// What is sent.
-    pub(super) to: f64,
+    pub to: f64,
 }
 
 /// A setting that is not as it should be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Difference {
+pub struct Difference {
     /// Which.
-    pub(super) key: Key,
-    /// What the profile says.
-    pub(super) wanted: f64,
+    pub key: Key,
+    /// What is wanted.
+    pub wanted: f64,
     /// What the controller has.
-    pub(super) found: f64,
+    pub found: f64,
 }
 
 const RES: Key = Key::Smd3(Command::Res);
 const VSTART: Key = Key::Smd3(Command::Vstart);
 const VSTOP: Key = Key::Smd3(Command::Vstop);
 
-/// The resolution that there is when the settings of a profile are in force over those that are there now.
-pub(super) fn resolution(wanted: &[Setting], now: &[Setting]) -> u16 {
+/// The resolution that there is when what is wanted is in force over what there is now.
+pub fn resolution(wanted: &[Setting], now: &[Setting]) -> u16 {
     let res = value(wanted, RES).or_else(|| value(now, RES));
     res.map_or(0, resolution_of)
 }
 
-/// What a setting of a profile cannot be, at the resolution that there will be.
-pub(super) fn objection(wanted: &[Setting], now: &[Setting]) -> Option<(Key, String)> {
+/// The first setting that cannot be as it is wanted, at the resolution that there will be, and why.
+pub fn objection(wanted: &[Setting], now: &[Setting]) -> Option<(Key, String)> {
     let resolution = resolution(wanted, now);
     let refused = |(key, value): &Setting| {
         let why = key.refuses(*value, None, resolution)?;
@@ -60,7 +62,7 @@ fn out_of_order(wanted: &[Setting], now: &[Setting], resolution: u16) -> Option<
 }
 
 /// What has to be sent, in an order in which the controller takes it.
-pub(super) fn changes(wanted: &[Setting], now: &[Setting]) -> Vec<Change> {
+pub fn changes(wanted: &[Setting], now: &[Setting]) -> Vec<Change> {
     let resolution = resolution(wanted, now);
     let has_new_res = value(now, RES).is_some_and(|res| resolution_of(res) != resolution);
     let mut changes: Vec<Change> = wanted
@@ -71,7 +73,7 @@ pub(super) fn changes(wanted: &[Setting], now: &[Setting]) -> Vec<Change> {
             let is_rounded = has_new_res && key.is_shaped_by_res();
             let before = if is_rounded { key.made(now, resolution) } else { now };
             let is_so = key.is_as_wanted(*wanted, before, resolution);
-            (!is_so).then(|| Change { key: *key, now, to: key.sendable(*wanted, resolution) })
+            (!is_so).then(|| Change { key: *key, now: Some(now), to: key.sendable(*wanted, resolution) })
         })
         .collect();
     changes.sort_by_key(|change| change.key != RES);
@@ -89,8 +91,8 @@ fn stop_before_start(changes: &mut [Change], now: &[Setting], resolution: u16) {
     }
 }
 
-/// What is not as a profile says.
-pub(super) fn differences(wanted: &[Setting], now: &[Setting]) -> Vec<Difference> {
+/// What is not as it is wanted, among what is known.
+pub fn differences(wanted: &[Setting], now: &[Setting]) -> Vec<Difference> {
     let resolution = resolution(wanted, now);
     let differing = |(key, wanted): &Setting| {
         let found = value(now, *key)?;
