@@ -2,9 +2,10 @@
 #![allow(clippy::float_cmp, reason = "places are exact")]
 
 use stepdrive_drive::smsd::{Memory, Smsd, WordOrder};
-use stepdrive_rig::file::{ClockMode, DEMO, DriveSection, RigFile, SmsdSection};
+use stepdrive_rig::file::{ClockMode, DEMO, DriveSection, RigFile, SerialPort, SmsdSection};
 use stepdrive_rig::machine::Machine;
 use stepdrive_spec::smsd::models::Model;
+use stepdrive_spec::smsd::standard::Firmware;
 use stepdrive_spec::time::Instant;
 
 /// A drive with nothing but what it must have.
@@ -32,10 +33,12 @@ fn the_demo_rig_is_a_stage_with_two_switches_and_shows_the_defaults() {
     let (demo, plain) = (RigFile::parse(DEMO).expect("valid").drives[0].clone(), drive(MINIMAL));
     assert_eq!((demo.name.as_str(), demo.steps_per_rev), ("stage", plain.steps_per_rev));
     let (demo, plain) = (smsd(&demo), smsd(&plain));
-    assert_eq!((demo.model, demo.modbus_tcp.to_string().as_str()), (Model::Smsd42, "127.0.0.1:5020"));
+    assert_eq!((demo.model, demo.lan.address.to_string().as_str()), (Model::Smsd42, "127.0.0.1:5020"));
     assert_eq!(demo.switches.len(), 2);
     assert_eq!((demo.word_order, demo.autonomous), (plain.word_order, plain.autonomous));
     assert_eq!(demo.mode_n_programs, plain.mode_n_programs);
+    assert_eq!((demo.lan.firmware, demo.protocol_version), (plain.lan.firmware, plain.protocol_version));
+    assert_eq!((&demo.usb, demo.usb_tcp), (&Some(SerialPort::Pty(None)), None));
 }
 
 #[test]
@@ -47,7 +50,9 @@ fn everything_but_name_model_and_address_has_a_default() {
     let section = smsd(&drive);
     assert_eq!((section.word_order, section.autonomous), (WordOrder::LowFirst, false));
     assert!(section.mode_n_programs.is_none() && section.switches.is_empty());
-    assert_eq!((section.model, section.modbus_tcp.port()), (Model::Smsd80, 5020));
+    assert!(section.usb.is_none() && section.usb_tcp.is_none());
+    assert_eq!((section.lan.firmware, section.protocol_version), (Firmware::Modbus, 2));
+    assert_eq!((section.model, section.lan.address.port()), (Model::Smsd80, 5020));
     let machine = machine(&drive, Memory::factory());
     assert_eq!((machine.carriage(Instant::ZERO), machine.next_wake()), (0.0, None));
 }
@@ -64,6 +69,26 @@ fn every_key_is_taken() {
     assert_eq!(machine.carriage(Instant::ZERO), 5.0);
     assert_eq!(machine.drive().inputs(), 0x80);
     assert_eq!(machine.drive().memory().mode_n_programs, 3);
+}
+
+#[test]
+fn an_smsd_may_have_usb_as_a_port_and_over_tcp() {
+    let lines = "usb = \"pty:/tmp/ttyACM0\"\nusb_tcp = \"127.0.0.1:5021\"\nprotocol_version = 1\n";
+    let drive = drive(&format!("{MINIMAL}{lines}"));
+    let section = smsd(&drive);
+    assert_eq!(section.usb, Some(SerialPort::Pty(Some("/tmp/ttyACM0".into()))));
+    assert_eq!(section.usb_tcp.map(|address| address.port()), Some(5021));
+    let machine = machine(&drive, Memory::factory());
+    assert_eq!((machine.drive().protocol_version(), machine.drive().firmware()), (1, Firmware::Modbus));
+}
+
+#[test]
+fn the_standard_firmware_listens_instead_of_modbus() {
+    let standard = MINIMAL.replace("modbus_tcp", "lan = \"standard\"\nstandard_tcp");
+    let drive = drive(&standard);
+    let section = smsd(&drive);
+    assert_eq!((section.lan.firmware, section.lan.address.port()), (Firmware::Standard, 5020));
+    assert_eq!(machine(&drive, Memory::factory()).drive().firmware(), Firmware::Standard);
 }
 
 #[test]

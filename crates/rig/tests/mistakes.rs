@@ -59,7 +59,7 @@ fn an_unknown_key_is_shown_with_those_that_there_are() {
     check_drive(
         "wheels = 4\n",
         expect![[r#"
-            rig.toml:5:1: unknown field `wheels`, expected one of `name`, `model`, `modbus_tcp`, `serial`, `serial_tcp`, `word_order`, `autonomous`, `mode_n_programs`, `motor`, `mechanics`, `winding`, `switch`
+            rig.toml:5:1: unknown field `wheels`, expected one of `name`, `model`, `modbus_tcp`, `usb`, `usb_tcp`, `lan`, `standard_tcp`, `protocol_version`, `serial`, `serial_tcp`, `word_order`, `autonomous`, `mode_n_programs`, `motor`, `mechanics`, `winding`, `switch`
               |
             5 | wheels = 4
               | ^^^^^^"#]],

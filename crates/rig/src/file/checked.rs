@@ -5,8 +5,7 @@ use super::written::{
     AnyModel, WrittenDrive, WrittenRig, WrittenSettings, WrittenSwitch, WrittenWinding, reworded, unknown,
 };
 use super::{
-    ApiSection, ControllerSection, DriveSection, RigFile, SerialPort, Smd3Section, SmsdSection,
-    SwitchSection, wires,
+    ApiSection, ControllerSection, DriveSection, RigFile, SerialPort, Smd3Section, SwitchSection, wires,
 };
 use crate::mechanics::{Switch, Travel};
 use alloc::format;
@@ -16,10 +15,7 @@ use core::net::SocketAddr;
 use core::ops::{Range, RangeInclusive};
 use core::time::Duration;
 use stepdrive_drive::smd3::Thermal;
-use stepdrive_drive::smsd::WordOrder;
 use stepdrive_spec::smd3::signals::{Sensor, Signal};
-use stepdrive_spec::smsd::inputs::Input;
-use stepdrive_spec::smsd::models::Model;
 use toml::Spanned;
 
 /// The farthest place on a travel that a rig file may name, in full steps.
@@ -120,7 +116,11 @@ impl WrittenDrive {
             ));
         }
         let fixed = self.addresses().filter(|address| address.get_ref().port() != 0);
-        for address in fixed {
+        for (number, address) in fixed.clone().enumerate() {
+            if fixed.clone().take(number).any(|other| other.get_ref() == address.get_ref()) {
+                let message = format!("{} is taken by another key of the same drive", address.get_ref());
+                return Err((address.span(), message));
+            }
             let taken =
                 |other: &&WrittenDrive| other.addresses().any(|other| other.get_ref() == address.get_ref());
             if let Some(other) = earlier.iter().find(taken) {
@@ -143,13 +143,13 @@ impl WrittenDrive {
 
     /// The name that its virtual COM port is given, if it is.
     fn serial_path(&self) -> Option<(Range<usize>, &str)> {
-        let serial = self.serial.as_ref()?;
-        let SerialPort::Pty(path) = serial.get_ref();
-        Some((serial.span(), path.as_deref()?))
+        let port = self.serial.as_ref().or(self.usb.as_ref())?;
+        let SerialPort::Pty(path) = port.get_ref();
+        Some((port.span(), path.as_deref()?))
     }
 
-    fn addresses(&self) -> impl Iterator<Item = &Spanned<SocketAddr>> {
-        [&self.modbus_tcp, &self.serial_tcp].into_iter().flatten()
+    fn addresses(&self) -> impl Iterator<Item = &Spanned<SocketAddr>> + Clone {
+        [&self.modbus_tcp, &self.usb_tcp, &self.standard_tcp, &self.serial_tcp].into_iter().flatten()
     }
 
     /// What the drive means.
@@ -177,31 +177,14 @@ impl WrittenDrive {
         })
     }
 
-    fn check_smsd(&self, model: Model) -> Result<SmsdSection, Mistake> {
-        let foreign = [
-            ("serial", span(self.serial.as_ref())),
-            ("serial_tcp", span(self.serial_tcp.as_ref())),
-            ("winding", span(self.winding.as_ref())),
-        ];
-        check_foreign(foreign, "an SMSD")?;
-        let missing = || {
-            let message =
-                "an SMSD needs an address to listen on, as in modbus_tcp = \"127.0.0.1:5020\"".to_string();
-            (self.name.span(), message)
-        };
-        Ok(SmsdSection {
-            model,
-            modbus_tcp: value(self.modbus_tcp.as_ref()).ok_or_else(missing)?,
-            word_order: value(self.word_order.as_ref()).unwrap_or(WordOrder::LowFirst),
-            autonomous: value(self.autonomous.as_ref()).unwrap_or(false),
-            mode_n_programs: value(self.mode_n_programs.as_ref()),
-            switches: self.check_switches(Input::from_name, &Input::ALL.map(Input::name))?,
-        })
-    }
-
     fn check_smd3(&self) -> Result<Smd3Section, Mistake> {
         let foreign = [
             ("modbus_tcp", span(self.modbus_tcp.as_ref())),
+            ("usb", span(self.usb.as_ref())),
+            ("usb_tcp", span(self.usb_tcp.as_ref())),
+            ("lan", span(self.lan.as_ref())),
+            ("standard_tcp", span(self.standard_tcp.as_ref())),
+            ("protocol_version", span(self.protocol_version.as_ref())),
             ("word_order", span(self.word_order.as_ref())),
             ("autonomous", span(self.autonomous.as_ref())),
             ("mode_n_programs", span(self.mode_n_programs.as_ref())),
@@ -225,7 +208,7 @@ impl WrittenDrive {
         })
     }
 
-    fn check_switches<S: Copy>(
+    pub(super) fn check_switches<S: Copy>(
         &self,
         find: impl Fn(&str) -> Option<S>,
         names: &[&str],
@@ -271,16 +254,16 @@ impl WrittenWinding {
     }
 }
 
-fn value<T: Copy>(written: Option<&Spanned<T>>) -> Option<T> {
+pub(super) fn value<T: Copy>(written: Option<&Spanned<T>>) -> Option<T> {
     written.map(|written| *written.get_ref())
 }
 
-fn span<T>(written: Option<&Spanned<T>>) -> Option<Range<usize>> {
+pub(super) fn span<T>(written: Option<&Spanned<T>>) -> Option<Range<usize>> {
     written.map(Spanned::span)
 }
 
 /// Keys that belong to the other family.
-fn check_foreign<const N: usize>(
+pub(super) fn check_foreign<const N: usize>(
     keys: [(&str, Option<Range<usize>>); N],
     model: &str,
 ) -> Result<(), Mistake> {

@@ -6,6 +6,7 @@
 mod checked;
 mod clock;
 mod mistake;
+mod smsd;
 mod wires;
 mod written;
 
@@ -25,6 +26,7 @@ use stepdrive_drive::smsd::{Config, Memory, Smsd, WordOrder};
 use stepdrive_spec::smd3::signals::{Sensor, Signal};
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::models::Model;
+use stepdrive_spec::smsd::standard::Firmware;
 use stepdrive_spec::time::Instant;
 
 /// The rig that `stepdrive up` brings up when it is given none: an SMSD-4.2LAN named `stage` and an SMD3 named `uhv`,
@@ -104,8 +106,14 @@ pub enum ControllerSection {
 pub struct SmsdSection {
     /// Its model.
     pub model: Model,
-    /// Where it listens for Modbus TCP; port 0 takes a free one.
-    pub modbus_tcp: SocketAddr,
+    /// How it is reached over LAN.
+    pub lan: LanSection,
+    /// Its virtual COM port, which stands for USB.
+    pub usb: Option<SerialPort>,
+    /// Where it takes over TCP what comes over USB; port 0 takes a free one.
+    pub usb_tcp: Option<SocketAddr>,
+    /// The version of the standard protocol, 1 or 2.
+    pub protocol_version: u8,
     /// The order of the two words of a 32-bit value.
     pub word_order: WordOrder,
     /// Autonomous mode: the front panel shows "bF", and the program of `MODE_N_PROGRAMS` starts at power-up.
@@ -114,6 +122,15 @@ pub struct SmsdSection {
     pub mode_n_programs: Option<u8>,
     /// The switches along the travel.
     pub switches: Vec<SwitchSection<Input>>,
+}
+
+/// How an SMSD is reached over LAN: `lan`, with `modbus_tcp` or `standard_tcp`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LanSection {
+    /// What it runs, and so what it speaks there: Modbus TCP, or the standard protocol.
+    pub firmware: Firmware,
+    /// Where it listens; port 0 takes a free one.
+    pub address: SocketAddr,
 }
 
 /// An SMD3 in a rig. It has a virtual COM port, or takes its lines over TCP, or both.
@@ -208,8 +225,10 @@ impl SmsdSection {
         let config = Config {
             model: self.model,
             word_order: self.word_order,
-            port: self.modbus_tcp.port(),
+            port: self.lan.address.port(),
             autonomous: self.autonomous,
+            firmware: self.lan.firmware,
+            protocol_version: self.protocol_version,
         };
         Machine::power_up(drive.mechanics(), switches(&self.switches), |signals| {
             let [levels, _] = signals.to_le_bytes();

@@ -14,6 +14,7 @@ use serde::de::{Deserializer, Error as _};
 use stepdrive_drive::smsd::WordOrder;
 use stepdrive_spec::smd3::signals::Sensor;
 use stepdrive_spec::smsd::models::Model;
+use stepdrive_spec::smsd::standard::{Firmware, VERSION_1, VERSION_2};
 use toml::Spanned;
 
 /// A rig.
@@ -73,6 +74,21 @@ pub(super) struct WrittenDrive {
     /// SMSD: where it listens for Modbus TCP; port 0 takes a free one.
     #[serde(default, deserialize_with = "address")]
     pub(super) modbus_tcp: Option<Spanned<SocketAddr>>,
+    /// SMSD: its virtual COM port.
+    #[serde(default, deserialize_with = "usb")]
+    pub(super) usb: Option<Spanned<SerialPort>>,
+    /// SMSD: where it takes over TCP what comes over USB; port 0 takes a free one.
+    #[serde(default, deserialize_with = "address")]
+    pub(super) usb_tcp: Option<Spanned<SocketAddr>>,
+    /// SMSD: what it speaks over LAN.
+    #[serde(default, deserialize_with = "lan")]
+    pub(super) lan: Option<Spanned<Firmware>>,
+    /// SMSD: where it listens with the standard firmware; port 0 takes a free one.
+    #[serde(default, deserialize_with = "address")]
+    pub(super) standard_tcp: Option<Spanned<SocketAddr>>,
+    /// SMSD: the version of the standard protocol, 1 or 2.
+    #[serde(default, deserialize_with = "protocol_version")]
+    pub(super) protocol_version: Option<Spanned<u8>>,
     /// SMD3: its virtual COM port.
     #[serde(default, deserialize_with = "serial")]
     pub(super) serial: Option<Spanned<SerialPort>>,
@@ -185,6 +201,15 @@ fn sensor<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Sensor, D::Error
 }
 
 fn serial<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<SerialPort>>, D::Error> {
+    port(deserializer, "serial").map(Some)
+}
+
+fn usb<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<SerialPort>>, D::Error> {
+    port(deserializer, "usb").map(Some)
+}
+
+/// Reads a virtual COM port.
+fn port<'de, D: Deserializer<'de>>(deserializer: D, key: &str) -> Result<Spanned<SerialPort>, D::Error> {
     let text = Spanned::<String>::deserialize(deserializer)?;
     let port = match text.get_ref().as_str() {
         "pty" => Some(SerialPort::Pty(None)),
@@ -193,8 +218,21 @@ fn serial<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<S
             .filter(|path| !path.is_empty() && !path.contains(char::is_control))
             .map(|path| SerialPort::Pty(Some(path.into()))),
     };
-    let none = || D::Error::custom(format!("serial `{}` is unknown; it is pty or pty:PATH", text.get_ref()));
-    Ok(Some(Spanned::new(text.span(), port.ok_or_else(none)?)))
+    let none = || D::Error::custom(format!("{key} `{}` is unknown; it is pty or pty:PATH", text.get_ref()));
+    Ok(Spanned::new(text.span(), port.ok_or_else(none)?))
+}
+
+fn lan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<Firmware>>, D::Error> {
+    let find = |name: &str| match name {
+        "modbus" => Some(Firmware::Modbus),
+        "standard" => Some(Firmware::Standard),
+        _ => None,
+    };
+    named_at(deserializer, "lan", find, &["modbus", "standard"]).map(Some)
+}
+
+fn protocol_version<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Spanned<u8>>, D::Error> {
+    whole(deserializer, "protocol_version", VERSION_1.into()..=VERSION_2.into()).map(Some)
 }
 
 fn clock<'de, D: Deserializer<'de>>(deserializer: D) -> Result<ClockMode, D::Error> {
