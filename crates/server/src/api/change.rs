@@ -1,12 +1,9 @@
 //! What changes the rig.
 
-use super::ask::{Asked, Named, word};
-use super::problem::Problem;
 use super::rows::ClockRow;
-use super::{Api, Reply, TheApi};
+use super::{Api, TheApi};
 use crate::control::Until;
 use axum::extract::State;
-use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use stepdrive_rig::action::Action;
@@ -14,6 +11,7 @@ use stepdrive_rig::duration;
 use stepdrive_rig::fault::Fault;
 use stepdrive_rig::file::ClockMode;
 use stepdrive_spec::time::Instant;
+use stepdrive_web::{Asked, Named, Problem, Reply};
 
 /// The most actions in a request.
 const MOST_ACTIONS: usize = 1000;
@@ -244,6 +242,14 @@ impl Api {
     }
 }
 
+/// One of the words of an action: it must not be taken for several.
+fn word(text: &str) -> Result<&str, Problem> {
+    if text.is_empty() || text.contains(char::is_whitespace) {
+        return Err(Problem::impossible("a name has at least one letter and no spaces"));
+    }
+    Ok(text)
+}
+
 fn time(text: &str) -> Result<Duration, Problem> {
     duration::parse(text).map_err(Problem::impossible)
 }
@@ -255,9 +261,9 @@ fn now(now: Instant) -> Reply<Now> {
 fn playing() -> Problem {
     let message =
         "a scenario is being played, which waits for conditions itself; wait for its end, or end it";
-    Problem::new(StatusCode::CONFLICT, message)
+    Problem::refused(message)
 }
 
 fn set_going() -> Problem {
-    Problem::new(StatusCode::CONFLICT, "somebody else set the clock meanwhile, which ended this")
+    Problem::refused("somebody else set the clock meanwhile, which ended this")
 }

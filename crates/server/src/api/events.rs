@@ -1,23 +1,20 @@
 //! Server-sent events: the rig whenever it has changed.
 //!
-//! All who watch share one look at the rig, its comparison with the one before and its text. While nobody watches
+//! All who watch the same of it share one look, its comparison with the one before and its text. While nobody watches
 //! nothing is looked at.
 
-use super::problem::Problem;
+use super::look::View;
 use super::rows::RigRow;
 use super::{Api, TheApi};
-use axum::body::{Body, Bytes};
+use axum::body::Bytes;
 use axum::extract::{RawQuery, State};
-use axum::http::{StatusCode, header};
-use axum::response::{IntoResponse as _, Response};
-use futures_util::stream::unfold;
-use serde::Serialize;
-use std::convert::Infallible;
+use axum::response::Response;
 use std::ops::RangeInclusive;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use stepdrive_rig::duration;
-use tokio::sync::{Mutex, OwnedSemaphorePermit, Semaphore};
+use stepdrive_web::{Place, Problem, QUIET, Query, STILL_HERE, event, stream};
+use tokio::sync::Mutex;
 use tokio::time::Instant;
 
 /// How often events come at most when a client does not say.
@@ -26,8 +23,14 @@ const EVERY: Duration = Duration::from_millis(100);
 /// How often a client may have them at most.
 const RANGE: RangeInclusive<Duration> = Duration::from_millis(20)..=Duration::from_mins(1);
 
+/// What queries have.
+pub(super) const EVERY_AND_DRIVE: [&str; 2] = ["drive", "every"];
+
+/// What a client names that wants to see no drive, unless there is one of that name.
+const NO_DRIVES: &str = "none";
+
 /// The most who may watch at once.
-const MOST_VIEWERS: usize = 16;
+pub(super) const MOST_VIEWERS: usize = 16;
 
 /// A look at the rig is shared by those who want one within this time.
 const SHARED: Duration = Duration::from_millis(10);
@@ -35,24 +38,16 @@ const SHARED: Duration = Duration::from_millis(10);
 /// A look that takes long is shared for so many times as long: a tenth of a processor goes into looking at most.
 const SHARED_TIMES: u32 = 10;
 
-/// After so long a client that got no event is sent something, to see whether it is still there.
-pub(super) const QUIET: Duration = Duration::from_secs(15);
-
-/// What is sent then: a comment, which clients skip.
-pub(super) const STILL_HERE: &[u8] = b":\n\n";
-
-/// The places for those who watch.
-pub(super) struct Viewers(Arc<Semaphore>);
-
-impl Default for Viewers {
-    fn default() -> Viewers {
-        Viewers(Arc::new(Semaphore::new(MOST_VIEWERS)))
-    }
+/// What those who watch saw last, for each view.
+pub(super) struct Watched {
+    all: Last,
+    no_drives: Last,
+    /// In the order of the rig file.
+    drives: Vec<Last>,
 }
 
-/// What those who watch saw last.
-#[derive(Default)]
-pub(super) struct Watched(Mutex<Option<Arc<Seen>>>);
+/// What was last seen in a view.
+type Last = Mutex<Option<Arc<Seen>>>;
 
 /// A look at the rig.
 struct Seen {
@@ -65,14 +60,25 @@ struct Seen {
 }
 
 impl Watched {
+    /// Nothing was seen yet of a rig with so many drives.
+    pub(super) fn new(drives: usize) -> Watched {
+        let drives = (0..drives).map(|_| Last::default()).collect();
+        Watched { all: Last::default(), no_drives: Last::default(), drives }
+    }
+
     /// A look at the rig: a new one, or one that is young enough.
-    async fn look(&self, api: &Api, new: bool) -> Arc<Seen> {
-        let mut last = self.0.lock().await;
+    async fn look(&self, api: &Api, view: View, new: bool) -> Arc<Seen> {
+        let last = match view {
+            View::All => &self.all,
+            View::Drive(number) => self.drives.get(number).unwrap_or(&self.no_drives),
+            View::NoDrives => &self.no_drives,
+        };
+        let mut last = last.lock().await;
         let begun = Instant::now();
         if let Some(seen) = last.as_ref().filter(|seen| !new && begun < seen.good_until) {
             return Arc::clone(seen);
         }
-        let rig = api.look();
+        let rig = api.look(view);
         let before = last.as_ref();
         let version = match before {
             Some(before) if before.rig.is_like(&rig) => before.version,
@@ -92,42 +98,22 @@ impl Seen {
     }
 }
 
-/// An event of this name.
-pub(super) fn event(name: &str, data: &impl Serialize) -> Bytes {
-    let data = serde_json::to_string(data).unwrap_or_default();
-    format!("event: {name}\ndata: {data}\n\n").into()
-}
-
-/// Replies with a stream of events: what `next` gives from a state, until it gives none or the client hangs up.
-pub(super) fn stream<S, F>(state: S, mut next: impl FnMut(S) -> F + Send + 'static) -> Response
-where
-    S: Send + 'static,
-    F: Future<Output = Option<(Bytes, S)>> + Send + 'static,
-{
-    let parts = unfold(state, move |state| {
-        let next = next(state);
-        async { next.await.map(|(bytes, state)| (Ok::<Bytes, Infallible>(bytes), state)) }
-    });
-    ([(header::CONTENT_TYPE, "text/event-stream")], Body::from_stream(parts)).into_response()
-}
-
 /// Somebody who watches.
 struct Viewer {
     api: Arc<Api>,
+    view: View,
     every: Duration,
     /// The version that was sent last; `None` before the first.
     sent: Option<u64>,
     sent_at: Instant,
-    _place: OwnedSemaphorePermit,
+    _place: Place,
 }
 
 pub(super) async fn events(State(api): TheApi, RawQuery(query): RawQuery) -> Result<Response, Problem> {
-    let every = every(query.as_deref().unwrap_or_default())?;
-    let place = Arc::clone(&api.viewers.0).try_acquire_owned().map_err(|_| {
-        let message = format!("{MOST_VIEWERS} clients watch already, and no more can; close one of them");
-        Problem::new(StatusCode::SERVICE_UNAVAILABLE, message)
-    })?;
-    let viewer = Viewer { api, every, sent: None, sent_at: Instant::now(), _place: place };
+    let query = Query::parse(query.as_deref(), &EVERY_AND_DRIVE)?;
+    let (view, every) = (view(&api, &query)?, every(&query)?);
+    let place = api.viewers.take()?;
+    let viewer = Viewer { api, view, every, sent: None, sent_at: Instant::now(), _place: place };
     Ok(stream(viewer, |mut viewer| async {
         let event = viewer.next().await;
         Some((event, viewer))
@@ -137,12 +123,12 @@ pub(super) async fn events(State(api): TheApi, RawQuery(query): RawQuery) -> Res
 impl Viewer {
     async fn next(&mut self) -> Bytes {
         let Some(sent) = self.sent else {
-            let seen = self.api.watched.look(&self.api, true).await;
+            let seen = self.api.watched.look(&self.api, self.view, true).await;
             return self.send(&seen);
         };
         loop {
             tokio::time::sleep(self.every).await;
-            let seen = self.api.watched.look(&self.api, false).await;
+            let seen = self.api.watched.look(&self.api, self.view, false).await;
             if seen.version != sent {
                 return self.send(&seen);
             }
@@ -160,17 +146,19 @@ impl Viewer {
     }
 }
 
-/// How often the client wants events.
-fn every(query: &str) -> Result<Duration, Problem> {
-    let mut every = None;
-    for (name, value) in form_urlencoded::parse(query.as_bytes()) {
-        if name != "every" || every.is_some() {
-            return Err(Problem::malformed(
-                "the query takes `every` once, and nothing else; as in ?every=100ms",
-            ));
-        }
-        every = Some(duration::parse(&value).map_err(Problem::impossible)?);
+/// What the client wants to see.
+fn view(api: &Api, query: &Query<'_>) -> Result<View, Problem> {
+    match query.get("drive").map(|name| (name, api.find_drive(name))) {
+        None => Ok(View::All),
+        Some((_, Ok((number, _)))) => Ok(View::Drive(number)),
+        Some((NO_DRIVES, Err(_))) => Ok(View::NoDrives),
+        Some((_, Err(problem))) => Err(problem),
     }
+}
+
+/// How often the client wants events.
+pub(super) fn every(query: &Query<'_>) -> Result<Duration, Problem> {
+    let every = query.get("every").map(duration::parse).transpose().map_err(Problem::impossible)?;
     Some(every.unwrap_or(EVERY)).filter(|every| RANGE.contains(every)).ok_or_else(|| {
         let (least, most) = (duration::display(*RANGE.start()), duration::display(*RANGE.end()));
         Problem::impossible(format!("`every` is {least} to {most}"))

@@ -1,15 +1,12 @@
 //! Scenarios: played while the client listens.
 
 use super::TheApi;
-use super::ask::Asked;
-use super::events::{QUIET, STILL_HERE, event, stream};
-use super::problem::Problem;
 use crate::scenario::{PlayError, Played, Playing};
 use axum::body::Bytes;
 use axum::extract::State;
-use axum::http::StatusCode;
 use axum::response::Response;
 use serde::Deserialize;
+use stepdrive_web::{Asked, Problem, QUIET, STILL_HERE, event, stream};
 use tokio::time::timeout;
 
 #[derive(Deserialize)]
@@ -30,7 +27,7 @@ pub(super) async fn play(
                 None => problem,
             }
         }
-        PlayError::Busy(_) => Problem::new(StatusCode::CONFLICT, error.to_string()),
+        PlayError::Busy(_) => Problem::refused(error),
     })?;
     Ok(stream(playing, next))
 }

@@ -9,16 +9,18 @@ const OURS: &str = "stepdrive-";
 
 /// Each member, and the crates of ours that it may use. What is absent matters as much: `proto` knows no drive, and
 /// `drive` knows no byte.
-const ARROWS: [(&str, &[&str]); 12] = [
+const ARROWS: [(&str, &[&str]); 14] = [
     ("crates/spec", &[]),
     ("crates/motion", &["spec"]),
     ("crates/proto", &["spec"]),
     ("crates/drive", &["spec", "motion"]),
     ("crates/rig", &["spec", "motion", "drive"]),
     ("crates/asm", &["spec"]),
-    ("crates/server", &["spec", "proto", "drive", "rig"]),
+    ("crates/web", &[]),
+    ("crates/server", &["spec", "proto", "drive", "rig", "asm", "web"]),
     ("crates/host", &["spec", "proto"]),
-    ("crates/cli", &["spec", "rig", "asm", "server", "host"]),
+    ("crates/panel", &["spec", "host", "asm", "rig", "web"]),
+    ("crates/cli", &["spec", "rig", "asm", "server", "host", "panel", "web"]),
     ("crates/xtask", &["spec"]),
     ("bench", &["spec", "motion", "proto", "drive", "rig", "asm", "server", "host"]),
     ("fuzz", &["spec", "motion", "proto", "drive", "rig", "asm", "server"]),

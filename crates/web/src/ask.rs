@@ -1,7 +1,6 @@
-//! What clients send: bodies, and the names in paths and queries.
+//! What clients send: bodies, and the names in paths.
 
-use super::JSON;
-use super::problem::Problem;
+use crate::{JSON, Problem};
 use axum::body::Body;
 use axum::extract::{FromRequest, FromRequestParts, Path, Request};
 use axum::http::request::Parts;
@@ -20,8 +19,9 @@ const MOST_DISCARDED: usize = 16 * LONGEST_BODY;
 /// How long a body may take to arrive.
 const SLOWEST_BODY: Duration = Duration::from_secs(10);
 
-/// A body in JSON.
-pub(super) struct Asked<T>(pub(super) T);
+/// A body in JSON: an object of at most 1 MiB.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Asked<T> {
     type Rejection = Problem;
@@ -40,7 +40,8 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Asked<T> {
 }
 
 /// The names in a path.
-pub(super) struct Named<T>(pub(super) T);
+#[derive(Clone, Copy, Debug)]
+pub struct Named<T>(pub T);
 
 impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Named<T> {
     type Rejection = Problem;
@@ -49,14 +50,6 @@ impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Named<T
         let names = Path::<T>::from_request_parts(parts, state).await;
         names.map(|Path(names)| Named(names)).map_err(|_| Problem::malformed("the path is not UTF-8"))
     }
-}
-
-/// One of the words of an action: it must not be taken for several.
-pub(super) fn word(text: &str) -> Result<&str, Problem> {
-    if text.is_empty() || text.contains(char::is_whitespace) {
-        return Err(Problem::impossible("a name has at least one letter and no spaces"));
-    }
-    Ok(text)
 }
 
 fn is_json(headers: &HeaderMap) -> bool {
