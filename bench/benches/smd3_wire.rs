@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
-use stepdrive_bench::{median, process};
+use stepdrive_bench::{median, process, terminal};
 use stepdrive_rig::file::RigFile;
 use stepdrive_server::{Options, Server};
 use tokio::io::unix::AsyncFd;
@@ -206,18 +206,10 @@ async fn echo_tcp(listener: TcpListener) -> io::Result<()> {
     Ok(())
 }
 
-/// A pseudo-terminal that passes bytes as they are.
+/// The master of a pseudo-terminal, and the path of its other end.
 fn terminal() -> io::Result<(AsyncFd<OwnedFd>, String)> {
-    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
-    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+    let (master, path) = terminal::open()?;
     rustix::io::ioctl_fionbio(&master, true)?;
-    grantpt(&master)?;
-    unlockpt(&master)?;
-    let path = ptsname(&master, Vec::new())?.to_string_lossy().into_owned();
-    let mut raw = tcgetattr(&master)?;
-    raw.make_raw();
-    tcsetattr(&master, OptionalActions::Now, &raw)?;
     #[allow(deprecated, reason = "its unsafe successor wants a promise that an `OwnedFd` keeps")]
     Ok((AsyncFd::new(master)?, path))
 }

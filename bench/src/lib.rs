@@ -4,6 +4,7 @@
 //! * [`servers`]: servers in processes of their own, so that what they use can be told from what the load uses.
 //! * [`clients`]: the same for clients.
 //! * [`load`]: requests to servers, in rounds that alternate between them.
+//! * [`terminal`], a pseudo-terminal.
 //! * [`process`]: what a process has used, as Linux tells, and what it may.
 
 pub mod clients;
@@ -12,6 +13,7 @@ pub mod process;
 pub mod programs;
 pub mod requests;
 pub mod servers;
+pub mod terminal;
 
 /// The one in the middle of `figures`; 0 when there are none.
 pub fn median(figures: impl IntoIterator<Item = f64>) -> f64 {

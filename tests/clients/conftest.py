@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-pytest.register_assert_rewrite("control", "controller", "foreign", "rig", "smd3", "wire")
+pytest.register_assert_rewrite("control", "controller", "foreign", "rig", "smd3", "smsd_usb", "wire")
 
 from controller import Pymodbus
 from rig import Rig

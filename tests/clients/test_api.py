@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+import socket
 import urllib.error
 import urllib.request
 
@@ -23,7 +24,7 @@ SECONDS = 10
 
 DOCUMENT = pathlib.Path(__file__).parents[2] / "crates/server/src/api/openapi.json"
 # Replies that come as a stream of events do not end by themselves: they have a test of their own.
-STREAMS = ["/v1/events", "/v1/play"]
+STREAMS = ["/v1/events", "/v1/traffic", "/v1/play"]
 OPERATIONS = [
     (method, path)
     for path, item in json.loads(DOCUMENT.read_text())["paths"].items()
@@ -82,10 +83,13 @@ class ApiRig(Rig):
     def __init__(self, folder):
         super().__init__(folder, "")
         self.url = ""
+        self.lines = ("", 0)
 
     def _announced(self, ready):
         assert [drive["name"] for drive in ready["drives"]] == ["a", "b", "uhv"]
         self.url = ready["api"]
+        host, port = ready["drives"][2]["serial_tcp"].rsplit(":", 1)
+        self.lines = (host, int(port))
         assert self.url.startswith(f"http://{HOST}:")
 
     def open(self, path: str, body=None, **headers):
@@ -189,6 +193,34 @@ def test_an_event_holds_to_the_schema_of_the_rig(rig):
         event = json.loads(reply.readline().removeprefix(b"data: "))
     schema = {"$ref": "#/components/schemas/Rig", "components": document["components"]}
     Draft202012Validator(schema).validate(event)
+
+
+def test_an_event_of_one_drive_holds_to_the_same_schema_and_has_its_mechanism(rig):
+    document = rig.document()
+    with rig.open("/v1/events?drive=uhv", **BEARER) as reply:
+        reply.readline()
+        event = json.loads(reply.readline().removeprefix(b"data: "))
+    schema = {"$ref": "#/components/schemas/Rig", "components": document["components"]}
+    Draft202012Validator(schema).validate(event)
+    assert [drive["name"] for drive in event["drives"]] == ["uhv"]
+    assert event["drives"][0]["mechanism"]["travel"] is None
+
+
+def test_what_a_client_says_is_overheard_as_the_schema_says(rig):
+    schema = {"$ref": "#/components/schemas/Traffic", "components": rig.document()["components"]}
+    heard = []
+    with rig.open("/v1/traffic?drive=uhv&every=20ms", **BEARER) as reply:
+        for said in (b"", b"VMAX\r\n"):
+            if said:
+                with socket.create_connection(rig.lines, SECONDS) as client:
+                    client.sendall(said)
+                    client.recv(100)
+            assert reply.readline() == b"event: traffic\n"
+            data = json.loads(reply.readline().removeprefix(b"data: "))
+            assert reply.readline() == b"\n"
+            Draft202012Validator(schema).validate(data)
+            heard += [(row["to"], row["bad"]) for row in data["rows"]]
+    assert heard == [("drive", False), ("client", False)]
 
 
 def test_a_scenario_is_told_as_the_schemas_say(rig):

@@ -1,13 +1,15 @@
 //! A drive as it is served: its place in the rig, and who is told about it.
 
 use crate::link::Outgoing;
-use crate::recording::{Entry, Happened, hex};
-use crate::talk::Heard;
+use crate::recording::{Entry, Happened, Via, hex};
+use crate::talk::{Heard, count};
+use crate::traffic::{By, Client, Fate, Peer};
 use crate::world::World;
 use crate::{Notice, What};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use stepdrive_rig::group::Group;
+use stepdrive_spec::smsd::standard::{COUNTER_ROWS, Counter};
 use tokio::sync::watch;
 use tokio::time::Instant;
 
@@ -71,34 +73,66 @@ impl Drive {
         self.world.visit(self.number, act)
     }
 
-    /// A client has connected: the number of its connection.
-    pub(crate) fn open(&self) -> u64 {
+    /// A client has connected, by what its family has or by `via`: the number of its connection.
+    pub(crate) fn open(&self, via: Option<Via>, peer: Peer) -> u64 {
         let conn = self.world.new_connection();
+        self.world.tap().open(Client { conn, drive: self.number, by: self.by(via), peer });
         if self.world.recorder().is_some() {
-            let open = Happened::Open { conn, drive: self.number };
+            let panel = peer == Peer::Panel;
+            let open = Happened::Open { conn, drive: self.number, via, panel };
             self.visit(|group, _| self.world.write(|| Entry::new(group.now(), open)));
         }
         conn
     }
 
+    fn by(&self, via: Option<Via>) -> By {
+        let is_smsd = self.world.rig().drives.get(self.number).is_some_and(|drive| drive.smsd().is_some());
+        match via {
+            Some(Via::Usb) => By::Usb,
+            Some(Via::Standard) => By::Lan,
+            None if is_smsd => By::Modbus,
+            None => By::Serial,
+        }
+    }
+
     /// A client has left.
     pub(crate) fn shut(&self, conn: u64) {
+        self.world.tap().shut(conn);
         if self.world.recorder().is_some() {
             self.visit(|group, _| self.world.write(|| Entry::new(group.now(), Happened::Shut { conn })));
         }
     }
 
-    /// Adds a request and what leaves for it to the recording, if one is made.
+    /// Lets an SMSD count an error that has its cause outside the rig.
+    pub(crate) fn count(&self, counter: Counter) {
+        let name = COUNTER_ROWS.iter().find(|(other, ..)| *other == counter).map_or("", |(_, name, _)| name);
+        self.visit(|group, member| {
+            count(group, member, counter);
+            let what = Happened::Counted { drive: self.number, counter: name.into() };
+            self.world.write(|| Entry::new(group.now(), what));
+        });
+    }
+
+    /// Tells whoever listens, and the recording if one is made, what a drive said before it was asked.
+    pub(crate) fn record_greeting(&self, group: &Group, conn: u64, out: &Outgoing) {
+        self.world.tap().say(group.now(), conn, &[], out.bytes(), Fate::Taken);
+        self.world.write(|| Entry::new(group.now(), Happened::Greeted { conn, tx: hex(out.bytes()) }));
+    }
+
+    /// Tells whoever listens, and the recording if one is made, of a request and what leaves for it.
     pub(crate) fn record(&self, group: &Group, conn: u64, rx: &[u8], out: &Outgoing, heard: Heard) {
+        let fate = if heard == Heard::Cut { Fate::Cut } else { Fate::Taken };
+        self.world.tap().say(group.now(), conn, rx, out.bytes(), fate);
         self.world.write(|| {
             let (rx, tx, cut) = (hex(rx), hex(out.bytes()), heard == Heard::Cut);
             Entry::new(group.now(), Happened::Heard { conn, rx, tx, cut })
         });
     }
 
-    /// Adds to the recording, if one is made, that what the last request of a connection changed could not be stored, and
-    /// what leaves instead of its reply.
-    pub(crate) fn record_not_stored(&self, group: &Group, conn: u64, out: &Outgoing) {
+    /// Tells whoever listens, and the recording if one is made, that what the last request of a connection changed could
+    /// not be stored, and what leaves instead of its reply; `rx` is that request, as far as it is at hand.
+    pub(crate) fn record_not_stored(&self, group: &Group, conn: u64, rx: &[u8], out: &Outgoing) {
+        self.world.tap().say(group.now(), conn, rx, out.bytes(), Fate::NotStored);
         self.world.write(|| Entry::new(group.now(), Happened::NotStored { conn, tx: hex(out.bytes()) }));
     }
 
@@ -125,7 +159,7 @@ impl Drive {
         let repeating = match &what {
             What::Full(_) => Some(0),
             What::CannotAccept(_) => Some(1),
-            What::NotStored(_) | What::StoreFailed(_) => Some(2),
+            What::NotStored { .. } | What::StoreFailed(_) => Some(2),
             What::Refused(_)
             | What::Moved(_)
             | What::CannotMove { .. }

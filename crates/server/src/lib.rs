@@ -1,21 +1,27 @@
-//! Puts a rig on the network: Modbus TCP, and the files that hold non-volatile memory.
+//! Puts a rig on the network and on serial ports, and keeps the files that hold non-volatile memory.
 //!
 //! This is the shell around the cores, and the only place with a clock, sockets and files. It decides nothing about the
 //! controllers: it carries bytes and time to them and their replies back.
 //!
 //! * [`Server`] starts a rig and says where its drives are reached.
 //! * `clock` is where time comes from; `world` keeps the rig in step with it; [`Control`] is how both are controlled.
-//! * `modbus` speaks to clients; [`store`] keeps what survives power-off.
+//! * `modbus`, `lines` and `packets` speak to clients, on the ports of `tcp` and `pty`; [`store`] keeps what survives
+//!   power-off.
+//! * [`Connector`] connects to drives from within the process; `traffic` tells whoever listens what is said.
 
 mod api;
 mod clock;
+mod connector;
 mod control;
 mod drive;
 mod flash;
 mod lines;
 mod link;
 mod modbus;
+mod packets;
+mod port;
 mod pty;
+mod ready;
 pub mod recording;
 pub mod replay;
 pub mod scenario;
@@ -23,27 +29,28 @@ mod smd3;
 mod smsd;
 pub mod store;
 mod talk;
+mod tcp;
+mod traffic;
 mod world;
 
+pub use connector::Connector;
 pub use control::{Control, Moved, Until};
 pub use drive::Notify;
 
-use drive::Drive;
+use axum::Router;
+use connector::{Connections, Station};
 use flash::Flash;
-use lines::LineListener;
-use recording::{Header, RecordedDrive, Recorder};
-use smd3::Smd3Station;
-use smsd::SmsdStation;
+use ready::ReadyDrive;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use stepdrive_drive::smsd::Refusal;
-use stepdrive_rig::any::AnyMachine;
-use stepdrive_rig::file::{ControllerSection, DriveSection, RigFile, SerialPort, Smd3Section, SmsdSection};
-use store::{Saver, Store, StoreError};
+use stepdrive_rig::file::RigFile;
+use store::{Store, StoreError};
+use tokio::io::DuplexStream;
 use tokio::task::JoinSet;
 use world::World;
 
@@ -88,7 +95,7 @@ pub enum What {
     Refused(Refusal),
     /// A client was turned away because eight are connected.
     Full(SocketAddr),
-    /// LAN parameters were applied, and the drive is reached here now.
+    /// LAN parameters were applied, and the drive is reached over LAN here now.
     Moved(SocketAddr),
     /// LAN parameters were applied, but their port cannot be had: the drive stays where it was.
     CannotMove {
@@ -97,8 +104,13 @@ pub enum What {
         /// Why it cannot be had.
         error: io::Error,
     },
-    /// Non-volatile memory could not be written: the client got exception 04.
-    NotStored(StoreError),
+    /// Non-volatile memory could not be written.
+    NotStored {
+        /// Why not.
+        error: StoreError,
+        /// What the client was answered with; `None` when it was not for a client.
+        answered: Option<&'static str>,
+    },
     /// The flash of an SMD3 could not be written: `STORE` was answered with -5.
     StoreFailed(StoreError),
     /// Accepting connections failed for now.
@@ -122,14 +134,17 @@ impl fmt::Display for Notice {
             What::Full(peer) => {
                 write!(f, "{peer} turned away: 8 clients are connected, and the controller serves no more")
             }
-            What::Moved(address) => write!(f, "network configuration applied; now on Modbus TCP {address}"),
+            What::Moved(address) => write!(f, "network configuration applied; now on TCP {address}"),
             What::CannotMove { to, error } => {
                 write!(
                     f,
                     "network configuration applied, but {to} cannot be listened on ({error}); staying on the old port"
                 )
             }
-            What::NotStored(error) => write!(f, "{error}; the client was answered with exception 04"),
+            What::NotStored { error, answered: None } => write!(f, "{error}"),
+            What::NotStored { error, answered: Some(answer) } => {
+                write!(f, "{error}; the client was answered with {answer}")
+            }
             What::StoreFailed(error) => write!(f, "{error}; STORE was answered with -5 (Action failed)"),
             What::DamagedConfiguration { copy } => {
                 write!(f, "the stored configuration is damaged; a copy is kept in {}", copy.display())
@@ -176,10 +191,12 @@ pub enum StartError {
         error: io::Error,
     },
     /// A virtual COM port cannot be made.
-    #[error("{drive}: cannot make the serial port {}: {error}; name another place with serial = \"pty:PATH\"", path.display())]
+    #[error("{drive}: cannot make the serial port {}: {error}; name another place with {key} = \"pty:PATH\"", path.display())]
     Serial {
         /// The drive.
         drive: String,
+        /// The key of the rig file that asks for it.
+        key: &'static str,
         /// Its name.
         path: PathBuf,
         /// Why not.
@@ -214,8 +231,14 @@ pub struct ServedDrive {
     pub model: &'static str,
     /// An SMSD: where it listened for Modbus TCP.
     pub modbus_tcp: Option<SocketAddr>,
-    /// An SMSD: the unit identifier it answered to.
+    /// An SMSD on Modbus TCP: the unit identifier it answered to.
     pub unit: Option<u8>,
+    /// An SMSD with the standard firmware: where it listened for the standard protocol.
+    pub standard_tcp: Option<SocketAddr>,
+    /// An SMSD: its virtual COM port, which stands for USB.
+    pub usb: Option<PathBuf>,
+    /// An SMSD: where it took over TCP what comes over USB.
+    pub usb_tcp: Option<SocketAddr>,
     /// An SMD3: its virtual COM port.
     pub serial: Option<PathBuf>,
     /// An SMD3: where it took lines over TCP.
@@ -229,6 +252,7 @@ pub struct Server {
     api: Option<SocketAddr>,
     control: Control,
     tasks: JoinSet<()>,
+    connections: Arc<Connections>,
     store: Store,
     flashes: Vec<Flash>,
 }
@@ -240,14 +264,27 @@ impl Server {
     /// # Errors
     /// When the memory cannot be read or an address cannot be listened on. Nothing is left running then.
     pub async fn start(rig: &RigFile, options: Options) -> Result<Server, StartError> {
+        Server::start_with(rig, options, |_, _| Router::new()).await
+    }
+
+    /// The same, and serves beside the control API, to whoever may use that, what `more` makes: routes without fallbacks,
+    /// of other paths. It is called once, when the drives are served and if the rig has an API.
+    ///
+    /// # Errors
+    /// Those of [`Server::start`].
+    pub async fn start_with(
+        rig: &RigFile,
+        options: Options,
+        more: impl FnOnce(&Connector, &[ServedDrive]) -> Router,
+    ) -> Result<Server, StartError> {
         let mut store = Store::open(&options.state)?;
         let up = async {
             let api = listen_for_control(rig).await?;
-            let (world, ready) = bring_up(rig, &options, &mut store).await?;
+            let (world, ready) = ready::bring_up(rig, &options, &mut store).await?;
             Ok((world, ready, api))
         };
         match up.await {
-            Ok((world, ready, api)) => Ok(Server::serve(world, ready, api, store, &options.notify)),
+            Ok((world, ready, api)) => Ok(Server::serve(world, ready, api, store, &options.notify, more)),
             Err(error) => {
                 store.close().await;
                 Err(error)
@@ -261,31 +298,29 @@ impl Server {
         api: Option<api::Listener>,
         store: Store,
         notify: &Notify,
+        more: impl FnOnce(&Connector, &[ServedDrive]) -> Router,
     ) -> Server {
         let mut tasks = JoinSet::new();
         let flashes = ready.iter().filter_map(ReadyDrive::flash).cloned().collect();
-        let mut keepers: Vec<Vec<Keeper>> = (0..world.groups()).map(|_| Vec::new()).collect();
-        let mut drives = Vec::new();
-        for drive in ready {
-            let group = world.group_of(drives.len());
-            let (served, keeper) = drive.serve(&mut tasks);
-            drives.push(served);
-            if let Some(keepers) = keepers.get_mut(group) {
-                keepers.push(keeper);
-            }
+        let (drives, stations): (Vec<ServedDrive>, Vec<Station>) =
+            ready.into_iter().map(|drive| drive.serve(&mut tasks)).unzip();
+        for group in 0..world.groups() {
+            let numbered = stations.iter().enumerate();
+            let members = numbered.filter(|(drive, _)| world.group_of(*drive) == group);
+            let members = members.map(|(_, station)| station.clone()).collect();
+            tasks.spawn(keep_time(Arc::clone(&world), group, members));
         }
-        for (group, keepers) in keepers.into_iter().enumerate() {
-            tasks.spawn(keep_time(Arc::clone(&world), group, keepers));
-        }
+        let connections = Connections::new(stations);
         if world.recorder().is_some() {
             tasks.spawn(keep_recording(Arc::clone(&world), Arc::clone(notify)));
         }
         let control = Control::new(Arc::clone(&world));
         let address = api.as_ref().map(api::Listener::address);
         if let Some(api) = api {
-            tasks.spawn(api.serve(world, control.clone(), drives.clone(), Arc::clone(notify)));
+            let more = more(&connections.connector(), &drives);
+            tasks.spawn(api.serve(world, control.clone(), drives.clone(), Arc::clone(notify), more));
         }
-        Server { drives, api: address, control, tasks, store, flashes }
+        Server { drives, api: address, control, tasks, connections, store, flashes }
     }
 
     /// The drives, in the order of the rig file.
@@ -298,6 +333,19 @@ impl Server {
         self.api
     }
 
+    /// What makes connections to the drives from within this process.
+    pub fn connector(&self) -> Connector {
+        self.connections.connector()
+    }
+
+    /// Connects to a drive from within this process; see [`Connector::connect`].
+    ///
+    /// # Errors
+    /// The drive cannot be reached now, or there is none with this number.
+    pub fn line(&self, drive: usize) -> io::Result<DuplexStream> {
+        self.connector().connect(drive)
+    }
+
     /// What controls the rig from within this process.
     pub fn control(&self) -> &Control {
         &self.control
@@ -307,6 +355,7 @@ impl Server {
     /// and the state folder is free for another server.
     pub async fn stop(mut self) {
         self.tasks.shutdown().await;
+        self.connections.stop().await;
         for flash in &self.flashes {
             flash.close().await;
         }
@@ -315,21 +364,13 @@ impl Server {
     }
 }
 
-/// Whoever sees to what happens in a drive without a client.
-enum Keeper {
-    Smsd(Arc<SmsdStation>),
-    Smd3(Arc<Smd3Station>),
-}
-
-/// Lets what is due in a group happen when it is, for as long as it is served.
-async fn keep_time(world: Arc<World>, group: usize, keepers: Vec<Keeper>) {
+/// Lets what is due in a group happen when it is, for as long as it is served, and sees to what happens in its drives
+/// without a client.
+async fn keep_time(world: Arc<World>, group: usize, members: Vec<Station>) {
     loop {
         world.wait(group).await;
-        for keeper in &keepers {
-            match keeper {
-                Keeper::Smsd(station) => station.look_after().await,
-                Keeper::Smd3(station) => station.look_after().await,
-            }
+        for station in &members {
+            station.look_after().await;
         }
     }
 }
@@ -349,212 +390,9 @@ async fn keep_recording(world: Arc<World>, notify: Notify) {
     }
 }
 
-/// A drive that is switched on and listens, but is not served yet.
-enum ReadyDrive {
-    Smsd { station: SmsdStation, listener: modbus::Listener },
-    Smd3 { station: Smd3Station, pty: Option<OpenPty>, listener: Option<LineListener> },
-}
-
-/// A virtual COM port and its name.
-type OpenPty = (pty::Pty, pty::PortName);
-
-impl ReadyDrive {
-    fn flash(&self) -> Option<&Flash> {
-        match self {
-            ReadyDrive::Smsd { .. } => None,
-            ReadyDrive::Smd3 { station, .. } => Some(station.flash()),
-        }
-    }
-
-    /// What it was when it was switched on; nobody has been served yet.
-    fn recorded(&self) -> RecordedDrive {
-        match self {
-            ReadyDrive::Smsd { station, .. } => station.recorded(),
-            ReadyDrive::Smd3 { station, .. } => station.recorded(),
-        }
-    }
-
-    fn serve(self, tasks: &mut JoinSet<()>) -> (ServedDrive, Keeper) {
-        match self {
-            ReadyDrive::Smsd { station, listener } => serve_smsd(station, listener, tasks),
-            ReadyDrive::Smd3 { station, pty, listener } => serve_smd3(station, pty, listener, tasks),
-        }
-    }
-}
-
-fn serve_smsd(
-    station: SmsdStation,
-    listener: modbus::Listener,
-    tasks: &mut JoinSet<()>,
-) -> (ServedDrive, Keeper) {
-    let served = ServedDrive {
-        name: station.drive().name().to_owned(),
-        model: station.model(),
-        modbus_tcp: Some(listener.address()),
-        unit: Some(station.unit()),
-        serial: None,
-        serial_tcp: None,
-    };
-    let station = Arc::new(station);
-    tasks.spawn(listener.serve(Arc::clone(&station)));
-    (served, Keeper::Smsd(station))
-}
-
-fn serve_smd3(
-    station: Smd3Station,
-    pty: Option<OpenPty>,
-    listener: Option<LineListener>,
-    tasks: &mut JoinSet<()>,
-) -> (ServedDrive, Keeper) {
-    let served = ServedDrive {
-        name: station.drive().name().to_owned(),
-        model: "SMD3",
-        modbus_tcp: None,
-        unit: None,
-        serial: pty.as_ref().map(|(_, name)| name.path().to_owned()),
-        serial_tcp: listener.as_ref().map(LineListener::address),
-    };
-    let station = Arc::new(station);
-    if let Some((port, name)) = pty {
-        let station = Arc::clone(&station);
-        tasks.spawn(async move {
-            // The name stands for as long as the port is served.
-            let _name = name;
-            lines::serve_pty(port, station).await;
-        });
-    }
-    if let Some(listener) = listener {
-        tasks.spawn(listener.serve(Arc::clone(&station)));
-    }
-    (served, Keeper::Smd3(station))
-}
-
-/// Where a drive's memory is kept.
-enum Kept {
-    Store(Saver),
-    Flash { flash: Flash, damaged: Option<PathBuf> },
-}
-
 /// Lets the control API listen, if the rig file asks for it.
 async fn listen_for_control(rig: &RigFile) -> Result<Option<api::Listener>, StartError> {
     let Some(section) = &rig.api else { return Ok(None) };
     let listener = api::Listener::bind(section).await;
     listener.map(Some).map_err(|error| StartError::Api { address: section.address, error })
-}
-
-/// Switches all drives on and lets them listen.
-async fn bring_up(
-    rig: &RigFile,
-    options: &Options,
-    store: &mut Store,
-) -> Result<(Arc<World>, Vec<ReadyDrive>), StartError> {
-    let (mut machines, mut kept) = (Vec::new(), Vec::new());
-    for drive in &rig.drives {
-        let (machine, memory) = match &drive.controller {
-            ControllerSection::Smsd(section) => power_up_smsd(drive, section, store)?,
-            ControllerSection::Smd3(section) => power_up_smd3(drive, section, &options.state)?,
-        };
-        machines.push(machine);
-        kept.push(memory);
-    }
-    let world = Arc::new(World::new(rig.clone(), machines));
-    let mut ready = Vec::new();
-    for (number, (section, memory)) in rig.drives.iter().zip(kept).enumerate() {
-        let drive = Drive::new(Arc::clone(&world), number, Arc::clone(&options.notify));
-        ready.push(get_ready(drive, section, memory, &options.state).await?);
-    }
-    if let Some(Recording { file, rig }) = &options.recording {
-        let drives = ready.iter().map(ReadyDrive::recorded).collect();
-        let created = Recorder::create(file, &Header::new(rig.clone(), drives));
-        world.record(created.map_err(|error| StartError::Record { file: file.clone(), error })?);
-    }
-    Ok((world, ready))
-}
-
-fn power_up_smsd(
-    drive: &DriveSection,
-    section: &SmsdSection,
-    store: &mut Store,
-) -> Result<(AnyMachine, Kept), StartError> {
-    let saver = store.saver(&drive.name, section.model);
-    let memory = store.load(&drive.name, section.model)?;
-    Ok((AnyMachine::Smsd(Box::new(section.power_up(drive, memory))), Kept::Store(saver)))
-}
-
-fn power_up_smd3(
-    drive: &DriveSection,
-    section: &Smd3Section,
-    state: &Path,
-) -> Result<(AnyMachine, Kept), StartError> {
-    let flash = Flash::new(state, &drive.name);
-    let (stored, damaged) = flash.load()?;
-    let machine = AnyMachine::Smd3(Box::new(section.power_up(drive, stored)));
-    Ok((machine, Kept::Flash { flash, damaged }))
-}
-
-/// Lets a drive listen.
-async fn get_ready(
-    drive: Drive,
-    section: &DriveSection,
-    memory: Kept,
-    state: &Path,
-) -> Result<ReadyDrive, StartError> {
-    match (&section.controller, memory) {
-        (ControllerSection::Smsd(smsd), Kept::Store(saver)) => {
-            let mut station = SmsdStation::new(drive, smsd, saver);
-            let listener = listen(&mut station).await?;
-            Ok(ReadyDrive::Smsd { station, listener })
-        }
-        (ControllerSection::Smd3(smd3), Kept::Flash { flash, damaged }) => {
-            if let Some(copy) = damaged {
-                drive.tell(What::DamagedConfiguration { copy });
-            }
-            let pty = smd3.serial.as_ref().map(|port| open_pty(&section.name, port, state)).transpose()?;
-            let listener = match smd3.serial_tcp {
-                Some(address) => Some(listen_for_lines(&section.name, address).await?),
-                None => None,
-            };
-            Ok(ReadyDrive::Smd3 { station: Smd3Station::new(drive, flash), pty, listener })
-        }
-        (ControllerSection::Smsd(_), Kept::Flash { .. }) | (ControllerSection::Smd3(_), Kept::Store(_)) => {
-            unreachable!("a drive's memory is kept as its own family's is")
-        }
-    }
-}
-
-/// Makes a virtual COM port, in the state folder unless the rig names a place.
-fn open_pty(drive: &str, port: &SerialPort, state: &Path) -> Result<OpenPty, StartError> {
-    let SerialPort::Pty(path) = port;
-    let path = path.as_ref().map_or_else(|| state.join(format!("{drive}.tty")), PathBuf::from);
-    // Whoever is told the name may work in another folder.
-    let path = std::path::absolute(&path).unwrap_or(path);
-    pty::open(&path).map_err(|error| StartError::Serial { drive: drive.to_owned(), path, error })
-}
-
-async fn listen_for_lines(drive: &str, address: SocketAddr) -> Result<LineListener, StartError> {
-    let listener = LineListener::bind(address).await;
-    listener.map_err(|error| StartError::Listen {
-        drive: drive.to_owned(),
-        address,
-        remembered: false,
-        error,
-    })
-}
-
-/// Listens where the drive's LAN parameters say, or else where its rig says, and tells the drive a port that the rig left
-/// open.
-async fn listen(station: &mut SmsdStation) -> Result<modbus::Listener, StartError> {
-    let address = station.address();
-    match modbus::Listener::bind(address).await {
-        Ok(listener) => {
-            if address.port() == 0 {
-                station.set_rig_port(listener.address().port());
-            }
-            Ok(listener)
-        }
-        Err(error) => {
-            let remembered = station.lan_port().is_some();
-            Err(StartError::Listen { drive: station.drive().name().to_owned(), address, remembered, error })
-        }
-    }
 }

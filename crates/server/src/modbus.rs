@@ -1,31 +1,25 @@
-//! Modbus TCP: a listener for each drive, a task for each connection.
+//! Modbus TCP: a connection.
 
-use crate::What;
+use crate::drive::Drive;
 use crate::link::Outgoing;
 use crate::smsd::SmsdStation;
 use crate::talk::{Heard, ModbusTalk};
-use socket2::{SockRef, TcpKeepalive};
+use crate::tcp::Host;
+use crate::traffic::Peer;
+use std::future::poll_fn;
 use std::io;
 use std::net::SocketAddr;
+use std::pin::Pin;
 use std::sync::Arc;
-use std::time::Duration;
+use std::task::Poll;
 use stepdrive_proto::modbus::{Split, split};
-use stepdrive_spec::smsd::timing::{HALF_FRAME_TIMEOUT, MAX_CONNECTIONS, UNREAD_REPLY_TIMEOUT};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
-use tokio::task::JoinSet;
+use stepdrive_spec::smsd::standard::Counter;
+use stepdrive_spec::smsd::timing::{HALF_FRAME_TIMEOUT, UNREAD_REPLY_TIMEOUT};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::time::timeout;
 
-/// How long a peer that has vanished may keep its socket before the kernel starts asking for it.
-const KEEPALIVE: Duration = Duration::from_mins(1);
-
-/// How long accepting rests after it has failed, as when the process has no file descriptors left.
-const ACCEPT_REST: Duration = Duration::from_millis(100);
-
-/// How long a connection waits for a socket when all are taken. A client that leaves and comes back at once, or whose
-/// place another one takes, is seen to come before it is seen to leave.
-const LEAVING: Duration = Duration::from_millis(100);
+/// What a request is answered with whose changes cannot be stored.
+const REFUSAL: &str = "exception 04";
 
 /// Bytes of requests held for a connection: some dozens of pipelined requests, or the longest frame many times over.
 const INPUT: usize = 2048;
@@ -33,118 +27,35 @@ const INPUT: usize = 2048;
 /// Bytes of replies collected before they are sent, so that pipelined requests are answered in few packets.
 const OUTPUT: usize = 4096;
 
-/// A socket that takes the connections of one drive.
-pub(crate) struct Listener {
-    socket: TcpListener,
-    address: SocketAddr,
-}
+/// The LAN of an SMSD that speaks Modbus.
+#[derive(Clone)]
+pub(crate) struct Modbus(pub(crate) Arc<SmsdStation>);
 
-impl Listener {
-    /// Listens at `address`; port 0 takes a free one.
-    pub(crate) async fn bind(address: SocketAddr) -> io::Result<Listener> {
-        let socket = TcpListener::bind(address).await?;
-        let address = socket.local_addr()?;
-        Ok(Listener { socket, address })
+impl Host for Modbus {
+    fn drive(&self) -> &Drive {
+        self.0.drive()
     }
 
-    /// Where it listens.
-    pub(crate) fn address(&self) -> SocketAddr {
-        self.address
+    async fn converse<T: AsyncRead + AsyncWrite + Unpin + Send>(&self, stream: T, peer: Peer) {
+        // However it ends, there is nobody left to tell.
+        let _ = Connection::new(stream, peer, Arc::clone(&self.0)).serve().await;
     }
 
-    /// Serves the drive's clients until it is dropped.
-    pub(crate) async fn serve(mut self, station: Arc<SmsdStation>) {
-        let mut connections = Connections::new(Arc::clone(&station));
-        let mut line = station.drive().watch();
-        let mut outages = line.borrow_and_update().outages;
-        loop {
-            tokio::select! {
-                accepted = self.socket.accept() => match accepted {
-                    Ok((stream, peer)) => connections.admit(stream, peer),
-                    Err(error) => {
-                        station.drive().tell(What::CannotAccept(error));
-                        tokio::time::sleep(ACCEPT_REST).await;
-                    }
-                },
-                _ = line.changed() => if outages != line.borrow_and_update().outages {
-                    outages = line.borrow().outages;
-                    connections.close_all().await;
-                },
-                () = station.reconfigured() => {
-                    // The network chip is set up anew: all its sockets are closed.
-                    connections.close_all().await;
-                    self.move_to(station.address(), &station).await;
-                }
-            }
-        }
+    async fn moved(&self) -> SocketAddr {
+        self.0.moved().await
     }
 
-    /// Listens at another address. When that cannot be had, the old one stays: a drive that nobody can reach is worse.
-    async fn move_to(&mut self, address: SocketAddr, station: &SmsdStation) {
-        if address.port() == self.address.port() || address.port() == 0 {
-            return;
-        }
-        match Listener::bind(address).await {
-            Ok(listener) => {
-                *self = listener;
-                station.drive().tell(What::Moved(self.address));
-            }
-            Err(error) => station.drive().tell(What::CannotMove { to: address, error }),
-        }
-    }
-}
-
-/// The clients of one drive.
-struct Connections {
-    station: Arc<SmsdStation>,
-    tasks: JoinSet<()>,
-    /// The sockets of the network chip.
-    sockets: Arc<Semaphore>,
-}
-
-impl Connections {
-    fn new(station: Arc<SmsdStation>) -> Connections {
-        let sockets = Arc::new(Semaphore::new(MAX_CONNECTIONS));
-        Connections { station, tasks: JoinSet::new(), sockets }
-    }
-
-    /// Serves a connection, or closes it when all sockets are taken.
-    fn admit(&mut self, stream: TcpStream, peer: SocketAddr) {
-        while self.tasks.try_join_next().is_some() {}
-        if !self.station.drive().is_reachable() {
-            return;
-        }
-        if self.tasks.len() >= 2 * MAX_CONNECTIONS {
-            self.station.drive().tell(What::Full(peer));
-            return;
-        }
-        let (station, sockets) = (Arc::clone(&self.station), Arc::clone(&self.sockets));
-        self.tasks.spawn(async move {
-            let Ok(Ok(_socket)) = timeout(LEAVING, sockets.acquire()).await else {
-                station.drive().tell(What::Full(peer));
-                return;
-            };
-            // Without these the connection still works, a little slower or a little longer.
-            let _ = stream.set_nodelay(true);
-            let _ = SockRef::from(&stream).set_tcp_keepalive(&TcpKeepalive::new().with_time(KEEPALIVE));
-            let connection = Connection::new(stream, Arc::clone(&station));
-            // However it ends, there is nobody left to tell.
-            let _ = connection.serve().await;
-        });
-    }
-
-    /// Closes all connections.
-    async fn close_all(&mut self) {
-        self.tasks.shutdown().await;
+    fn turned_away(&self) {
+        self.0.drive().count(Counter::Socket);
     }
 }
 
 /// A client's connection.
-struct Connection {
+struct Connection<T> {
     station: Arc<SmsdStation>,
     /// Its number in the rig.
     number: u64,
-    stream: TcpStream,
+    stream: T,
     talk: ModbusTalk,
     input: Box<[u8; INPUT]>,
     /// How much of `input` is filled.
@@ -155,15 +66,15 @@ struct Connection {
     output: Outgoing,
 }
 
-impl Drop for Connection {
+impl<T> Drop for Connection<T> {
     fn drop(&mut self) {
         self.station.drive().shut(self.number);
     }
 }
 
-impl Connection {
-    fn new(stream: TcpStream, station: Arc<SmsdStation>) -> Connection {
-        let number = station.drive().open();
+impl<T: AsyncRead + AsyncWrite + Unpin> Connection<T> {
+    fn new(stream: T, peer: Peer, station: Arc<SmsdStation>) -> Connection<T> {
+        let number = station.drive().open(None, peer);
         let seed = station.drive().world().rig().seed;
         Connection {
             station,
@@ -224,8 +135,8 @@ impl Connection {
             if heard == Heard::Cut {
                 break false;
             }
-            if duties.store && self.station.store().await.is_err() {
-                self.station.refuse(self.number, &mut self.talk, &frame, &mut self.reply);
+            if duties.store && !self.station.store(Some(REFUSAL)).await {
+                self.station.refuse(self.number, &mut self.talk, raw, &frame, &mut self.reply);
             }
             self.output.append(&mut self.reply);
             if duties.reconfigure {
@@ -248,10 +159,11 @@ impl Connection {
                 tokio::time::sleep(part.pause).await;
             }
             // Most replies fit into the socket's buffer, so that no timer is needed.
-            let sent = match self.stream.try_write(part.bytes) {
-                Ok(sent) => sent,
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => 0,
-                Err(error) => return Err(error),
+            let stream = &mut self.stream;
+            let sent = poll_fn(|cx| Poll::Ready(Pin::new(&mut *stream).poll_write(cx, part.bytes))).await;
+            let sent = match sent {
+                Poll::Ready(sent) => sent?,
+                Poll::Pending => 0,
             };
             if let Some(rest @ [_, ..]) = part.bytes.get(sent..) {
                 timeout(UNREAD_REPLY_TIMEOUT, self.stream.write_all(rest)).await??;

@@ -5,10 +5,10 @@
 //!
 //! Whether a client is there the kernel alone knows for certain: while the slave is open nowhere, reading the master
 //! fails with `EIO`, behind all that clients have sent. So nobody here holds the slave open. That a client comes is told
-//! by inotify, so a port that nobody uses costs nothing.
+//! by inotify, so a port that nobody uses costs nothing; and that one has left, however soon another one comes.
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::fs::inotify::{self, CreateFlags, WatchFlags};
+use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -26,11 +26,22 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
 /// The drive's end of the port. Reading gives its end when the last client has closed the port and all that was sent is
 /// read; what is written while nobody is there is lost.
+#[allow(clippy::struct_excessive_bools, reason = "each is a thing of its own to know")]
 pub(crate) struct Pty {
     /// `None` only when registering it with tokio has failed.
     master: Option<AsyncFd<OwnedFd>>,
-    /// Tells when the slave is opened.
-    opened: AsyncFd<OwnedFd>,
+    /// Tells when the slave is opened and closed.
+    changes: AsyncFd<OwnedFd>,
+    /// How many have it open, as far as that was told.
+    holders: u32,
+    /// Somebody has opened it since that was last asked.
+    came: bool,
+    /// As far as that was told nobody has it open any more, since somebody came.
+    empty: bool,
+    /// Then somebody has opened it: another client than before.
+    changed: bool,
+    /// What was read too late to be sure that the client whose turn it is has sent it: it is the next one's.
+    kept: Vec<u8>,
     slave: PathBuf,
     /// Something was written since it was last dropped.
     written: bool,
@@ -51,10 +62,20 @@ pub(crate) fn open(link: &Path) -> io::Result<(Pty, PortName)> {
     let slave = PathBuf::from(std::ffi::OsString::from_vec(ptsname(&master, Vec::new())?.into_bytes()));
     // Before the first client has closed it, the master does not know that nobody is there.
     drop(open_slave(&slave)?);
-    let opened = inotify::init(CreateFlags::CLOEXEC | CreateFlags::NONBLOCK)?;
-    inotify::add_watch(&opened, &slave, WatchFlags::OPEN)?;
+    let changes = inotify::init(CreateFlags::CLOEXEC | CreateFlags::NONBLOCK)?;
+    inotify::add_watch(&changes, &slave, WatchFlags::OPEN | WatchFlags::CLOSE)?;
     let name = PortName::claim(link, slave.clone())?;
-    let port = Pty { master: Some(watched(master)?), opened: watched(opened)?, slave, written: false };
+    let port = Pty {
+        master: Some(watched(master)?),
+        changes: watched(changes)?,
+        holders: 0,
+        came: false,
+        empty: false,
+        changed: false,
+        kept: Vec::new(),
+        slave,
+        written: false,
+    };
     port.pass_bytes_as_they_are()?;
     Ok((port, name))
 }
@@ -99,22 +120,55 @@ impl Drop for PortName {
 impl Pty {
     /// Waits until a client may have opened the port. It may have closed it again since.
     pub(crate) async fn opened(&mut self) -> io::Result<()> {
+        self.look_around()?;
+        while !self.came && self.kept.is_empty() {
+            self.changes.readable().await?.clear_ready();
+            self.look_around()?;
+        }
+        self.came = false;
+        self.empty = false;
+        self.changed = false;
+        self.register_anew()
+    }
+
+    /// Takes notice of who has opened and closed the slave. The kernel tells two openings in a row as one, unless they are
+    /// asked for in between.
+    fn look_around(&mut self) -> io::Result<()> {
+        let mut space = [MaybeUninit::uninit(); 1024];
+        let mut events = inotify::Reader::new(self.changes.get_ref(), &mut space);
         loop {
-            let mut ready = self.opened.readable().await?;
-            if let Ok(outcome) = ready.try_io(|events| take_events(events.get_ref())) {
-                outcome?;
-                break;
+            let event = match events.next() {
+                Ok(event) => event.events(),
+                Err(Errno::AGAIN) => return Ok(()),
+                Err(error) => return Err(error.into()),
+            };
+            if event.contains(ReadFlags::OPEN) {
+                self.holders = self.holders.saturating_add(1);
+                self.came = true;
+                self.changed |= self.empty;
+            } else if event.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
+                self.holders = self.holders.saturating_sub(1);
+                self.empty |= self.holders == 0;
             }
         }
-        self.register_anew()
+    }
+
+    /// Whether the client whose turn it is has left and another one has come since.
+    fn has_changed_hands(&mut self) -> io::Result<bool> {
+        self.look_around()?;
+        Ok(self.changed)
     }
 
     /// Makes the port as it was before its last client: drops what was not read, and takes back what the client did to
     /// the line discipline, as with echo on the drive would answer its own replies.
     pub(crate) fn reset(&mut self) -> io::Result<()> {
         if std::mem::take(&mut self.written) {
+            self.look_around()?;
             tcflush(open_slave(&self.slave)?, QueueSelector::IFlush)?;
+            // That was no client. But one may have come in the same moment and is told as one with it, so this counts.
+            self.look_around()?;
         }
+        self.holders = if self.is_left()? { 0 } else { self.holders.max(1) };
         self.pass_bytes_as_they_are()
     }
 
@@ -149,32 +203,38 @@ impl Pty {
     }
 }
 
-/// Takes all events that wait. What they are does not matter: only one kind is asked for.
-fn take_events(events: &OwnedFd) -> io::Result<()> {
-    let mut space = [MaybeUninit::<u8>::uninit(); 1024];
-    rustix::io::read(events, &mut space)?;
-    Ok(())
-}
-
 impl AsyncRead for Pty {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
+        if !self.kept.is_empty() {
+            let count = self.kept.len().min(buffer.remaining());
+            buffer.put_slice(self.kept.get(..count).unwrap_or(&[]));
+            self.kept.drain(..count);
+            return Poll::Ready(Ok(()));
+        }
         loop {
+            if self.has_changed_hands()? {
+                return Poll::Ready(Ok(()));
+            }
             let mut guard = ready!(self.master()?.poll_read_ready(context))?;
             let hung_up = guard.ready().is_read_closed();
             match guard.try_io(|master| Ok(rustix::io::read(master.get_ref(), buffer.initialize_unfilled())?))
             {
                 Ok(Ok(count)) => {
                     buffer.advance(count);
+                    if self.has_changed_hands()? {
+                        self.kept.extend_from_slice(buffer.filled());
+                        buffer.clear();
+                    }
                     return Poll::Ready(Ok(()));
                 }
                 Ok(Err(error)) if is_left(&error) => return Poll::Ready(Ok(())),
                 Ok(Err(error)) => return Poll::Ready(Err(error)),
                 // One client has left, and another has come since.
-                Err(_would_block) if hung_up => self.register_anew()?,
+                Err(_would_block) if hung_up => return Poll::Ready(Ok(())),
                 Err(_would_block) => {}
             }
         }

@@ -11,6 +11,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error as _, IgnoredAny, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use sha2::{Digest, Sha256};
+use std::borrow::Cow;
 use std::fmt;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write as _};
@@ -19,6 +20,7 @@ use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use stepdrive_drive::smd3::Stored;
 use stepdrive_drive::smsd::{Memory, Record};
+use stepdrive_proto::smsd::Framing;
 use stepdrive_rig::file::{DriveSection, RigFile};
 use stepdrive_rig::group::{Group, Member};
 use stepdrive_rig::names::AnyQuantity;
@@ -111,12 +113,26 @@ pub enum Happened {
         conn: u64,
         /// The number of the drive in the rig file, from 0.
         drive: usize,
+        /// By what it came, if not by what every drive of the family has: Modbus of an SMSD, lines of an SMD3.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        via: Option<Via>,
+        /// It was the panel, from within the process of the rig.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        panel: bool,
+    },
+    /// The drive spoke first: the standard firmware asks for the password.
+    Greeted {
+        /// The connection.
+        conn: u64,
+        /// The bytes as they left, in hexadecimal.
+        #[serde(default, skip_serializing_if = "String::is_empty")]
+        tx: String,
     },
     /// A client's request, and what the drive's line gave back.
     Heard {
         /// The connection.
         conn: u64,
-        /// The bytes of the request, in hexadecimal: a Modbus frame, or a line with its end.
+        /// The bytes of the request, in hexadecimal: a Modbus frame, a line with its end, or a packet as it came.
         rx: String,
         /// The bytes of the reply as they left, in hexadecimal; without pauses between them.
         #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -132,6 +148,14 @@ pub enum Happened {
         conn: u64,
         /// What left instead of the reply, in hexadecimal.
         tx: String,
+    },
+    /// An SMSD was told of something that counts among its errors and came from outside the rig: a packet that stopped half
+    /// way, a client too many, a disk that failed.
+    Counted {
+        /// The number of the drive in the rig file, from 0.
+        drive: usize,
+        /// The counter, as the maker calls it.
+        counter: Cow<'static, str>,
     },
     /// A client left, or was disconnected.
     Shut {
@@ -149,6 +173,26 @@ pub enum Happened {
         /// The sum of all that was written; see `Sum`.
         sum: String,
     },
+}
+
+/// By what a client of an SMSD came, when it was not Modbus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Via {
+    /// USB, or what stands for it: packets with start, stop and escapes.
+    Usb,
+    /// The LAN of the standard firmware: packets without.
+    Standard,
+}
+
+impl Via {
+    /// How packets are told apart there.
+    pub(crate) fn framing(self) -> Framing {
+        match self {
+            Via::Usb => Framing::Stuffed,
+            Via::Standard => Framing::Raw,
+        }
+    }
 }
 
 impl Entry {
@@ -380,7 +424,31 @@ mod tests {
         let [rx, tx] = ["5356", "30"].map(str::to_owned);
         let (state, sum) = ("ab".to_owned(), "cd".to_owned());
         for (entry, line) in [
-            (at(0, Happened::Open { conn: 3, drive: 1 }), r#"{"t":0,"open":{"conn":3,"drive":1}}"#),
+            (
+                at(0, Happened::Open { conn: 3, drive: 1, via: None, panel: false }),
+                r#"{"t":0,"open":{"conn":3,"drive":1}}"#,
+            ),
+            (
+                at(0, Happened::Open { conn: 3, drive: 1, via: None, panel: true }),
+                r#"{"t":0,"open":{"conn":3,"drive":1,"panel":true}}"#,
+            ),
+            (
+                at(0, Happened::Open { conn: 3, drive: 1, via: Some(Via::Usb), panel: false }),
+                r#"{"t":0,"open":{"conn":3,"drive":1,"via":"usb"}}"#,
+            ),
+            (
+                at(0, Happened::Open { conn: 3, drive: 1, via: Some(Via::Standard), panel: false }),
+                r#"{"t":0,"open":{"conn":3,"drive":1,"via":"standard"}}"#,
+            ),
+            (
+                at(1, Happened::Greeted { conn: 3, tx: tx.clone() }),
+                r#"{"t":1,"greeted":{"conn":3,"tx":"30"}}"#,
+            ),
+            (at(1, Happened::Greeted { conn: 3, tx: String::new() }), r#"{"t":1,"greeted":{"conn":3}}"#),
+            (
+                at(2, Happened::Counted { drive: 1, counter: "ERROR_SOCKET".into() }),
+                r#"{"t":2,"counted":{"drive":1,"counter":"ERROR_SOCKET"}}"#,
+            ),
             (
                 at(7, Happened::Heard { conn: 3, rx: rx.clone(), tx: tx.clone(), cut: false }),
                 r#"{"t":7,"heard":{"conn":3,"rx":"5356","tx":"30"}}"#,

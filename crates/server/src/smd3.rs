@@ -72,7 +72,7 @@ impl Smd3Station {
             self.drive.tell(What::StoreFailed(error));
             self.drive.visit(|group, member| {
                 talk.undo_store(group, member, &before, out);
-                self.drive.record_not_stored(group, conn, out);
+                self.drive.record_not_stored(group, conn, bytes, out);
             });
         }
         heard

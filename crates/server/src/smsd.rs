@@ -5,21 +5,23 @@ use crate::drive::Drive;
 use crate::link::Outgoing;
 use crate::recording::RecordedDrive;
 use crate::store::Saver;
-use crate::talk::{Heard, ModbusTalk};
+use crate::talk::{Heard, ModbusTalk, PacketTalk};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use stepdrive_drive::smsd::{Event, Smsd};
 use stepdrive_proto::modbus::Frame;
+use stepdrive_proto::smsd::Taken;
 use stepdrive_rig::file::SmsdSection;
 use stepdrive_rig::group::Group;
 use stepdrive_rig::machine::Machine;
-use stepdrive_spec::modbus::Exception;
+use stepdrive_spec::smsd::standard::{Counter, Firmware};
 
 /// An SMSD and where its memory is kept.
 pub(crate) struct SmsdStation {
     drive: Drive,
     model: &'static str,
+    firmware: Firmware,
     /// The address that the rig gives, with the real port once it is known. LAN parameters may name another port.
     rig_address: SocketAddr,
     /// Rung when LAN parameters have been applied and the reply has been sent.
@@ -44,7 +46,8 @@ impl SmsdStation {
         let mut station = SmsdStation {
             drive,
             model: section.model.name(),
-            rig_address: section.modbus_tcp,
+            firmware: section.lan.firmware,
+            rig_address: section.lan.address,
             reconfigured: tokio::sync::Notify::new(),
             stored: AtomicU64::new(0),
             saver,
@@ -62,6 +65,11 @@ impl SmsdStation {
     /// The model's name.
     pub(crate) fn model(&self) -> &'static str {
         self.model
+    }
+
+    /// What it runs.
+    pub(crate) fn firmware(&self) -> Firmware {
+        self.firmware
     }
 
     /// What a recording says of it that begins now.
@@ -91,7 +99,7 @@ impl SmsdStation {
         self.look(|machine| machine.drive_mut().set_port(port));
     }
 
-    /// Answers a frame into `out`.
+    /// Answers a frame of Modbus into `out`.
     pub(crate) fn hear(
         &self,
         conn: u64,
@@ -108,10 +116,49 @@ impl SmsdStation {
     }
 
     /// Refuses the last frame with exception 04: [`SmsdStation::store`] has failed.
-    pub(crate) fn refuse(&self, conn: u64, talk: &mut ModbusTalk, frame: &Frame<'_>, out: &mut Outgoing) {
+    pub(crate) fn refuse(
+        &self,
+        conn: u64,
+        talk: &mut ModbusTalk,
+        frame: &[u8],
+        parsed: &Frame<'_>,
+        out: &mut Outgoing,
+    ) {
         self.drive.visit(|group, _| {
-            talk.not_stored(frame, out);
-            self.drive.record_not_stored(group, conn, out);
+            talk.not_stored(parsed, out);
+            self.drive.record_not_stored(group, conn, frame, out);
+        });
+    }
+
+    /// Says into `out` what the drive says before it is asked.
+    pub(crate) fn greet(&self, conn: u64, talk: &mut PacketTalk, out: &mut Outgoing) {
+        self.drive.visit(|group, member| {
+            talk.greet(group, member, out);
+            self.drive.record_greeting(group, conn, out);
+        });
+    }
+
+    /// Answers a packet of the standard protocol into `out`; `raw` is the packet as it came.
+    pub(crate) fn hear_packet(
+        &self,
+        conn: u64,
+        talk: &mut PacketTalk,
+        raw: &[u8],
+        packet: &Taken<'_>,
+        out: &mut Outgoing,
+    ) -> (Heard, Duties) {
+        self.drive.visit(|group, member| {
+            let heard = talk.hear(group, member, packet, out);
+            self.drive.record(group, conn, raw, out, heard);
+            (heard, self.settle(group, member))
+        })
+    }
+
+    /// Refuses the last packet with `ERROR_WRITE`: [`SmsdStation::store`] has failed.
+    pub(crate) fn refuse_packet(&self, conn: u64, talk: &mut PacketTalk, out: &mut Outgoing) {
+        self.drive.visit(|group, member| {
+            talk.not_stored(group, member, out);
+            self.drive.record_not_stored(group, conn, &[], out);
         });
     }
 
@@ -132,8 +179,9 @@ impl SmsdStation {
         duties
     }
 
-    /// Makes sure that the memory as it is now is stored: what a client sees has survived power-off already.
-    pub(crate) async fn store(&self) -> Result<(), Exception> {
+    /// Makes sure that the memory as it is now is stored: what a client sees has survived power-off already. `false` when
+    /// that fails: then a client is to be answered with `refusal`, which is told.
+    pub(crate) async fn store(&self, refusal: Option<&'static str>) -> bool {
         let saved = self.look(|machine| {
             let mut records = Vec::new();
             while let Some(record) = machine.drive_mut().take_unsaved() {
@@ -142,15 +190,16 @@ impl SmsdStation {
             // Handed in while the machine is locked, so that an older state never follows a newer one.
             (machine.drive().memory_generation(), self.saver.save(records))
         });
-        let Some((generation, saved)) = saved else { return Ok(()) };
+        let Some((generation, saved)) = saved else { return true };
         match saved.await {
             Ok(()) => {
                 self.stored.fetch_max(generation, Ordering::Release);
-                Ok(())
+                true
             }
             Err(error) => {
-                self.drive.tell(What::NotStored(error));
-                Err(Exception::ServerDeviceFailure)
+                self.drive.count(Counter::Fram);
+                self.drive.tell(What::NotStored { error, answered: refusal });
+                false
             }
         }
     }
@@ -160,9 +209,10 @@ impl SmsdStation {
         self.reconfigured.notify_one();
     }
 
-    /// Waits until [`SmsdStation::reconfigure`] is called.
-    pub(crate) async fn reconfigured(&self) {
+    /// Waits until [`SmsdStation::reconfigure`] is called, and says where the drive wants to be reached then.
+    pub(crate) async fn moved(&self) -> SocketAddr {
         self.reconfigured.notified().await;
+        self.address()
     }
 
     /// Sees to what has happened in the drive without a client.
@@ -170,7 +220,7 @@ impl SmsdStation {
         let duties = self.drive.visit(|group, member| self.settle(group, member));
         if duties.store {
             // A failure has been told; the next client to be answered is refused for it, and it is tried again.
-            let _ = self.store().await;
+            self.store(None).await;
         }
         if duties.reconfigure {
             self.reconfigure();

@@ -2,8 +2,9 @@
 
 use crate::clock::Clock;
 use crate::recording::{Entry, Recorder};
+use crate::traffic::Tap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use stepdrive_rig::action::Action;
 use stepdrive_rig::any::AnyMachine;
 use stepdrive_rig::file::RigFile;
@@ -22,6 +23,7 @@ pub(crate) struct World {
     /// For each drive the number of its cell, and which member of the group it is.
     places: Vec<(usize, usize)>,
     recorder: OnceLock<Recorder>,
+    tap: Arc<Tap>,
     /// How many connections there have been.
     connections: AtomicU64,
     /// A scenario that is being played: then all groups go forward together.
@@ -65,6 +67,7 @@ impl World {
             cells: groups.into_iter().map(cell).collect(),
             places,
             recorder: OnceLock::new(),
+            tap: Arc::default(),
             connections: AtomicU64::new(0),
             play: Mutex::new(None),
             playing: AtomicBool::new(false),
@@ -90,6 +93,16 @@ impl World {
     /// The recording that is being made.
     pub(crate) fn recorder(&self) -> Option<&Recorder> {
         self.recorder.get()
+    }
+
+    /// Where what clients and drives say can be overheard.
+    pub(crate) fn tap(&self) -> &Arc<Tap> {
+        &self.tap
+    }
+
+    /// Whether the bytes of what clients say are wanted as they came.
+    pub(crate) fn keeps_bytes(&self) -> bool {
+        self.recorder().is_some() || self.tap.is_watched()
     }
 
     /// How many groups there are.

@@ -127,8 +127,14 @@ pub(super) fn detail(detail: &DriveDetail) -> String {
         ["state".to_owned(), state(drive)],
         ["carriage".to_owned(), format!("{} full steps", number(drive.carriage))],
     ];
-    let reached =
-        [("Modbus TCP", &drive.modbus_tcp), ("serial", &drive.serial), ("lines over TCP", &drive.serial_tcp)];
+    let reached = [
+        ("Modbus TCP", &drive.modbus_tcp),
+        ("standard protocol on TCP", &drive.standard_tcp),
+        ("USB", &drive.usb),
+        ("USB over TCP", &drive.usb_tcp),
+        ("serial", &drive.serial),
+        ("lines over TCP", &drive.serial_tcp),
+    ];
     for (how, place) in reached {
         rows.extend(place.as_ref().map(|place| [how.to_owned(), place.clone()]));
     }

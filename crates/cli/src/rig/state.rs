@@ -67,6 +67,15 @@ pub(crate) struct DriveState {
     /// Where it listens for Modbus TCP.
     #[serde(default)]
     pub(crate) modbus_tcp: Option<String>,
+    /// Where it listens for the standard protocol, with the standard firmware.
+    #[serde(default)]
+    pub(crate) standard_tcp: Option<String>,
+    /// The virtual COM port that stands for its USB.
+    #[serde(default)]
+    pub(crate) usb: Option<String>,
+    /// Where it takes over TCP what comes over USB.
+    #[serde(default)]
+    pub(crate) usb_tcp: Option<String>,
     /// Its virtual COM port.
     #[serde(default)]
     pub(crate) serial: Option<String>,

@@ -9,8 +9,11 @@ mod smd3_home;
 #[path = "../../../host/examples/smsd_move.rs"]
 #[allow(dead_code, reason = "an example has a main")]
 mod smsd_move;
+#[path = "../../../host/examples/smsd_usb.rs"]
+#[allow(dead_code, reason = "an example has a main")]
+mod smsd_usb;
 
-use crate::rig::Bench;
+use crate::rig::{Bench, ready};
 use std::future::Future;
 use tokio::runtime::Builder;
 
@@ -38,6 +41,16 @@ fn smsd_move_homes_the_stage_and_ends_a_turn_before_where_it_went() {
     assert_eq!(bench.drive(0)["position"], 300.0 * 16.0);
     // Home is where the switch closes.
     assert_eq!(bench.drive(0)["carriage"], -100.0 + 300.0);
+}
+
+#[test]
+fn smsd_usb_reads_the_stage_at_its_usb_port_and_leaves_it_as_it_was() {
+    let bench = bench();
+    let port =
+        ready(&bench.up)["drives"][0]["usb"].as_str().expect("the demo rig's stage has USB").to_owned();
+    let before = bench.drive(0);
+    wait(smsd_usb::run(&port));
+    assert_eq!(bench.drive(0), before);
 }
 
 #[test]

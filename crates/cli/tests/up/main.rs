@@ -7,3 +7,4 @@ mod failures;
 mod kill;
 mod plain;
 mod running;
+mod usb;

@@ -92,6 +92,7 @@ impl Smsd {
             | Opcode::LoopProgram
             | Opcode::CallProgram => {}
             Opcode::SetWait | Opcode::SetWait2 => drop(wait(instruction)?),
+            Opcode::SetMaskEvent => self.set_mask(now, mask(instruction)?),
             Opcode::ReturnProgram => return Err(Why::NoCall),
             opcode => self.execute(now, opcode, operand(instruction))?,
         }
@@ -121,4 +122,10 @@ impl Smsd {
             _ => 0,
         }
     }
+}
+
+/// The mask of `SET_MASK_EVENT`, 8 bits; those above are no part of it (App. B).
+fn mask(instruction: Instruction) -> Result<u8, Why> {
+    let value = operand(instruction);
+    u8::try_from(value).map_err(|_| Why::OutOfRange { value, min: 0, max: u8::MAX.into() })
 }

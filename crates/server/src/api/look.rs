@@ -1,10 +1,9 @@
 //! What can be seen of the rig.
 
-use super::ask::Named as PathNames;
-use super::problem::Problem;
+use super::mechanism::mechanism;
 use super::rows::{ClockRow, DriveDetail, DriveRow, FaultRow, InputRow, RigRow, WireRow};
-use super::{Api, Reply, TheApi};
-use crate::{Control, ServedDrive};
+use super::{Api, TheApi};
+use crate::Control;
 use axum::extract::State;
 use stepdrive_drive::smd3::Smd3;
 use stepdrive_drive::smsd::Smsd;
@@ -17,12 +16,13 @@ use stepdrive_rig::names::{AnyQuantity, AnySignal};
 use stepdrive_spec::smd3::flags::{ERROR_FLAGS, StatusFlag};
 use stepdrive_spec::smsd::status::MotStatus;
 use stepdrive_spec::time::Instant;
+use stepdrive_web::{Named as PathNames, Problem, Reply};
 
 /// The row of the faults that stands for one of each input with a switch.
 const ANY_INPUT: &str = "INPUT";
 
 pub(super) async fn rig(State(api): TheApi) -> Reply<RigRow> {
-    Reply(api.look())
+    Reply(api.look(View::All))
 }
 
 pub(super) async fn drive(
@@ -36,7 +36,7 @@ pub(super) async fn drive(
         let look =
             |quantity: AnyQuantity| (quantity.to_string(), member.machine().look(group.now(), quantity));
         let quantities = section.quantities().map(look).collect();
-        Some(DriveDetail { drive: api.drive_row(group.now(), member)?, quantities })
+        Some(DriveDetail { drive: api.drive_alone(group.now(), member)?, quantities })
     });
     detail.map(Reply).ok_or_else(|| Problem::impossible(format!("there is no drive {name}")))
 }
@@ -44,7 +44,7 @@ pub(super) async fn drive(
 pub(super) async fn faults(State(api): TheApi) -> Reply<Vec<FaultRow>> {
     let drives = &api.control.rig().drives;
     let mut rows: Vec<Vec<FaultRow>> = drives.iter().map(|_| Vec::new()).collect();
-    api.each_group(|group| {
+    api.each_group(View::All, |group| {
         for member in group.members() {
             if let Some((rows, drive)) = rows.get_mut(member.drive()).zip(drives.get(member.drive())) {
                 *rows = faults_of_member(drive, member);
@@ -54,15 +54,26 @@ pub(super) async fn faults(State(api): TheApi) -> Reply<Vec<FaultRow>> {
     Reply(rows.into_iter().flatten().collect())
 }
 
+/// What of a rig is looked at: always its clock and wires.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum View {
+    /// All drives.
+    All,
+    /// One drive, with its mechanism.
+    Drive(usize),
+    /// No drive.
+    NoDrives,
+}
+
 impl Api {
     /// The rig as it is now, looked at group by group.
-    pub(super) fn look(&self) -> RigRow {
+    pub(super) fn look(&self, view: View) -> RigRow {
         let rig = self.control.rig();
         let mut drives: Vec<Option<DriveRow>> = rig.drives.iter().map(|_| None).collect();
         let mut wires: Vec<Option<WireRow>> = rig.wires.iter().map(|_| None).collect();
-        self.each_group(|group| {
+        self.each_group(view, |group| {
             for member in group.members() {
-                put(&mut drives, member.drive(), self.drive_row(group.now(), member));
+                put(&mut drives, member.drive(), self.drive_in(view, group.now(), member));
             }
             for (number, connected, level) in group.wires() {
                 let wire = rig.wires.get(number);
@@ -78,18 +89,38 @@ impl Api {
         }
     }
 
-    /// Looks at each group as it is now. While a scenario is played they go forward together, and are looked at so.
-    fn each_group(&self, mut look: impl FnMut(&Group)) {
+    /// Looks at each group that has something to do with a view, as it is now. While a scenario is played all go forward
+    /// together, and are looked at so.
+    fn each_group(&self, view: View, mut look: impl FnMut(&Group)) {
         if self.control.playing().is_some() {
             self.world.visit_all(|groups| groups.iter().for_each(|group| look(group)));
-        } else {
-            self.control.each_group(look);
+            return;
+        }
+        let wired = self.wired.iter().enumerate();
+        let seen = wired.filter(|(group, wired)| match view {
+            View::All => true,
+            View::Drive(drive) => **wired || self.world.group_of(drive) == *group,
+            View::NoDrives => **wired,
+        });
+        seen.for_each(|(group, _)| self.world.visit_group(group, |group| look(group)));
+    }
+
+    fn drive_in(&self, view: View, now: Instant, member: &Member) -> Option<DriveRow> {
+        match view {
+            View::All => self.drive_row(now, member),
+            View::Drive(number) if number == member.drive() => self.drive_alone(now, member),
+            View::Drive(_) | View::NoDrives => None,
         }
     }
 
+    fn drive_alone(&self, now: Instant, member: &Member) -> Option<DriveRow> {
+        let section = self.control.rig().drives.get(member.drive())?;
+        let mechanism = Some(mechanism(now, section, member));
+        Some(DriveRow { mechanism, ..self.drive_row(now, member)? })
+    }
+
     fn drive_row(&self, now: Instant, member: &Member) -> Option<DriveRow> {
-        let ServedDrive { name, model, modbus_tcp, unit: _, serial, serial_tcp } =
-            self.drives.get(member.drive())?;
+        let served = self.drives.get(member.drive())?;
         let machine = member.machine();
         let levels = machine.inputs().map(|input| {
             let row = InputRow { level: machine.levels() & bit(input) != 0, forced: machine.forced(input) };
@@ -98,8 +129,8 @@ impl Api {
         let outputs = machine.output_names().iter().enumerate();
         let (state, position, speed) = controller(now, machine);
         Some(DriveRow {
-            name: name.clone(),
-            model,
+            name: served.name.clone(),
+            model: served.model,
             powered: machine.powered(),
             state,
             position,
@@ -109,9 +140,13 @@ impl Api {
             inputs: levels.collect(),
             outputs: outputs.map(|(bit, name)| (*name, machine.outputs() >> bit & 1 != 0)).collect(),
             faults: member.faults().collect(),
-            modbus_tcp: modbus_tcp.map(|address| address.to_string()),
-            serial: serial.as_ref().map(|path| path.display().to_string()),
-            serial_tcp: serial_tcp.map(|address| address.to_string()),
+            modbus_tcp: served.modbus_tcp.map(|address| address.to_string()),
+            standard_tcp: served.standard_tcp.map(|address| address.to_string()),
+            usb: served.usb.as_ref().map(|path| path.display().to_string()),
+            usb_tcp: served.usb_tcp.map(|address| address.to_string()),
+            serial: served.serial.as_ref().map(|path| path.display().to_string()),
+            serial_tcp: served.serial_tcp.map(|address| address.to_string()),
+            mechanism: None,
         })
     }
 }

@@ -1,5 +1,6 @@
 //! What can be seen of a rig, as clients get it.
 
+use super::mechanism::MechanismRow;
 use serde::{Serialize, Serializer};
 
 /// The rig.
@@ -58,9 +59,18 @@ pub(super) struct DriveRow {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) modbus_tcp: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) standard_tcp: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) usb: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) usb_tcp: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) serial: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) serial_tcp: Option<String>,
+    /// Where one drive is looked at by itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) mechanism: Option<MechanismRow>,
 }
 
 /// An input.

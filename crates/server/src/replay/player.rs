@@ -1,19 +1,21 @@
 //! A rig to which everything that was recorded happens again.
 
-use super::{Difference, ReplayError, Said, rig, words};
+use super::words::{self, Tongue};
+use super::{Difference, ReplayError, Said, rig};
 use crate::link::Outgoing;
-use crate::recording::{Happened, Header, hex, state_digest, unhex};
-use crate::talk::{Heard, LineTalk, ModbusTalk};
+use crate::recording::{Happened, Header, Via, hex, state_digest, unhex};
+use crate::talk::{Heard, LineTalk, ModbusTalk, PacketTalk, count};
 use crate::world::{SLICE, build, is_settled, places};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use stepdrive_drive::smd3::Stored;
 use stepdrive_proto::modbus::{Split, split};
 use stepdrive_proto::smd3::LineReader;
+use stepdrive_proto::smsd::PacketReader;
 use stepdrive_rig::action::Action;
-use stepdrive_rig::file::{ControllerSection, RigFile};
+use stepdrive_rig::file::{ControllerSection, DriveSection, RigFile};
 use stepdrive_rig::group::Group;
-use stepdrive_rig::line::Family;
+use stepdrive_spec::smsd::standard::{COUNTER_ROWS, Firmware};
 use stepdrive_spec::time::Instant;
 
 /// The latest time that an entry may have, some 292 years: behind it lies the end of representable time, where whatever
@@ -58,6 +60,7 @@ struct Connection {
 
 enum Talk {
     Modbus(ModbusTalk),
+    Packets(Box<PacketTalk>, Via),
     Lines {
         talk: LineTalk,
         reader: Box<LineReader>,
@@ -101,7 +104,9 @@ impl Player {
     pub(super) fn play(&mut self, line: usize, t: Instant, what: &Happened) -> Result<(), ReplayError> {
         let at = At { line, t };
         match what {
-            Happened::Open { conn, drive } => self.open(at, *conn, *drive),
+            Happened::Open { conn, drive, via, panel: _ } => self.open(at, *conn, *drive, *via),
+            Happened::Greeted { conn, tx } => self.greet(at, *conn, &bytes(at, tx)?),
+            Happened::Counted { drive, counter } => self.count(at, *drive, counter),
             Happened::Shut { conn } => self.shut(at, *conn),
             Happened::Heard { conn, rx, tx, cut } => {
                 let (rx, tx) = (bytes(at, rx)?, bytes(at, tx)?);
@@ -137,18 +142,26 @@ impl Player {
         Ok(Outcome { requests, differences, first_difference, state, digest })
     }
 
-    fn open(&mut self, at: At, conn: u64, drive: usize) -> Result<(), ReplayError> {
-        let Some(section) = self.rig.drives.get(drive) else {
-            return Err(ReplayError::entry(
-                at.line,
-                format!("the rig has no drive {drive}; they count from 0"),
-            ));
-        };
-        let talk = match section.controller {
-            ControllerSection::Smsd(_) => Talk::Modbus(ModbusTalk::new(self.rig.seed, conn)),
-            ControllerSection::Smd3(_) => {
-                let (talk, reader) = (LineTalk::new(self.rig.seed, conn), Box::default());
+    fn open(&mut self, at: At, conn: u64, drive: usize, via: Option<Via>) -> Result<(), ReplayError> {
+        let seed = self.rig.seed;
+        let section = self.section(at, drive)?;
+        let talk = match (&section.controller, via) {
+            (ControllerSection::Smsd(smsd), None) if smsd.lan.firmware == Firmware::Modbus => {
+                Talk::Modbus(ModbusTalk::new(seed, conn))
+            }
+            (ControllerSection::Smsd(_), Some(Via::Usb)) => packets(Via::Usb, seed, conn),
+            (ControllerSection::Smsd(smsd), Some(Via::Standard))
+                if smsd.lan.firmware == Firmware::Standard =>
+            {
+                packets(Via::Standard, seed, conn)
+            }
+            (ControllerSection::Smd3(_), None) => {
+                let (talk, reader) = (LineTalk::new(seed, conn), Box::default());
                 Talk::Lines { talk, reader, before: None }
+            }
+            (ControllerSection::Smsd(_) | ControllerSection::Smd3(_), _) => {
+                let what = format!("{} cannot be reached in this way", section.name);
+                return Err(ReplayError::entry(at.line, what));
             }
         };
         self.group(at, drive)?;
@@ -157,6 +170,32 @@ impl Player {
             None => Ok(()),
             Some(_) => Err(ReplayError::entry(at.line, format!("connection {conn} is open already"))),
         }
+    }
+
+    fn section(&self, at: At, drive: usize) -> Result<&DriveSection, ReplayError> {
+        self.rig.drives.get(drive).ok_or_else(|| {
+            ReplayError::entry(at.line, format!("the rig has no drive {drive}; they count from 0"))
+        })
+    }
+
+    fn greet(&mut self, at: At, conn: u64, tx: &[u8]) -> Result<(), ReplayError> {
+        let mut connection = self.take(at, conn)?;
+        let (group, member) = self.group(at, connection.drive)?;
+        connection.greet(at.line, group, member)?;
+        self.compare(at, conn, &connection, &Reply { bytes: tx, cut: false }, false);
+        self.connections.insert(conn, connection);
+        Ok(())
+    }
+
+    fn count(&mut self, at: At, drive: usize, name: &str) -> Result<(), ReplayError> {
+        self.section(at, drive)?;
+        let counter = COUNTER_ROWS.iter().find(|(_, other, _)| *other == name);
+        let (counter, ..) = counter.ok_or_else(|| {
+            ReplayError::entry(at.line, format!("there is no counter {}", name.escape_debug()))
+        })?;
+        let (group, member) = self.group(at, drive)?;
+        count(group, member, *counter);
+        Ok(())
     }
 
     fn shut(&mut self, at: At, conn: u64) -> Result<(), ReplayError> {
@@ -247,15 +286,15 @@ impl Player {
             return;
         }
         let Connection { drive, talk, request, .. } = connection;
-        let (family, drive) = (talk.family(), self.rig.drives.get(*drive));
-        let asked = Said { bytes: hex(request), means: words::request(family, request) };
+        let (tongue, drive) = (talk.tongue(), self.rig.drives.get(*drive));
+        let asked = Said { bytes: hex(request), means: words::request(tongue, request) };
         self.differ(Difference {
             line: at.line,
             t: at.t.as_nanos(),
             drive: drive.map(|drive| drive.name.clone()).unwrap_or_default(),
             request: asked,
-            recorded: recorded.said(family, request),
-            replayed: replayed.said(family, request),
+            recorded: recorded.said(tongue, request),
+            replayed: replayed.said(tongue, request),
         });
     }
 
@@ -289,9 +328,17 @@ impl Connection {
                 };
                 whole(line, size == request.len())?;
                 let heard = talk.hear(group, member, &frame, out);
-                if let Some(machine) = group.machine_mut(member).and_then(|machine| machine.smsd_mut()) {
-                    while machine.drive_mut().poll_event().is_some() {}
-                }
+                forget_events(group, member);
+                Ok(heard)
+            }
+            Talk::Packets(talk, via) => {
+                let (mut reader, mut rest) = (PacketReader::new(via.framing()), request.as_slice());
+                let Some(packet) = reader.take(Instant::ZERO, &mut rest) else {
+                    return Err(ReplayError::entry(line, "rx is no whole packet"));
+                };
+                whole(line, rest.is_empty())?;
+                let heard = talk.hear(group, member, &packet, out);
+                forget_events(group, member);
                 Ok(heard)
             }
             Talk::Lines { talk, reader, before } => {
@@ -307,6 +354,19 @@ impl Connection {
         }
     }
 
+    /// Says into `out` what the drive says before it is asked.
+    fn greet(&mut self, line: usize, group: &mut Group, member: usize) -> Result<(), ReplayError> {
+        let Connection { talk, out, .. } = self;
+        out.clear();
+        match talk {
+            Talk::Packets(talk, Via::Standard) => talk.greet(group, member, out),
+            Talk::Packets(_, Via::Usb) | Talk::Modbus(_) | Talk::Lines { .. } => {
+                return Err(ReplayError::entry(line, "on this connection the drive does not speak first"));
+            }
+        }
+        Ok(())
+    }
+
     /// What the last request changed or showed could not be stored: the answer in `out` is another one.
     fn not_stored(&mut self, line: usize, group: &mut Group, member: usize) -> Result<(), ReplayError> {
         let Connection { talk, request, out, .. } = self;
@@ -320,6 +380,7 @@ impl Connection {
                 };
                 talk.not_stored(&frame, out);
             }
+            Talk::Packets(talk, _) => talk.not_stored(group, member, out),
             Talk::Lines { talk, before, .. } => {
                 let Some(before) = before.take() else {
                     return Err(ReplayError::entry(line, "the last line of this connection was no STORE"));
@@ -332,20 +393,32 @@ impl Connection {
 }
 
 impl Talk {
-    fn family(&self) -> Family {
+    fn tongue(&self) -> Tongue {
         match self {
-            Talk::Modbus(_) => Family::Smsd,
-            Talk::Lines { .. } => Family::Smd3,
+            Talk::Modbus(_) => Tongue::Modbus,
+            Talk::Packets(_, via) => Tongue::Packets(via.framing()),
+            Talk::Lines { .. } => Tongue::Lines,
         }
     }
 }
 
+fn packets(via: Via, seed: u64, conn: u64) -> Talk {
+    Talk::Packets(Box::new(PacketTalk::new(via, seed, conn)), via)
+}
+
+/// What an SMSD tells the world outside is for nobody here.
+fn forget_events(group: &mut Group, member: usize) {
+    if let Some(machine) = group.machine_mut(member).and_then(|machine| machine.smsd_mut()) {
+        while machine.drive_mut().poll_event().is_some() {}
+    }
+}
+
 impl Reply<'_> {
-    fn said(&self, family: Family, request: &[u8]) -> Said {
+    fn said(&self, tongue: Tongue, request: &[u8]) -> Said {
         let means = if self.cut {
             "the connection was cut".to_owned()
         } else {
-            words::reply(family, request, self.bytes)
+            words::reply(tongue, request, self.bytes)
         };
         Said { bytes: hex(self.bytes), means }
     }

@@ -4,8 +4,9 @@ use super::*;
 use crate::control::Control;
 use crate::drive::Drive;
 use crate::link::Outgoing;
-use crate::recording::{Header, RecordedDrive, Recorder};
-use crate::talk::{Heard, LineTalk, ModbusTalk};
+use crate::recording::{Header, RecordedDrive, Recorder, Via};
+use crate::talk::{Heard, LineTalk, ModbusTalk, PacketTalk};
+use crate::traffic::Peer;
 use crate::world::World;
 use proptest::prelude::*;
 use std::fs;
@@ -15,11 +16,13 @@ use stepdrive_drive::smd3::Stored;
 use stepdrive_drive::smsd::Memory;
 use stepdrive_proto::modbus::{Adu, Split, encode_request, split};
 use stepdrive_proto::smd3::{Line, LineReader};
+use stepdrive_proto::smsd::{self, Framing, PacketBuf, PacketReader};
 use stepdrive_rig::any::AnyMachine;
 use stepdrive_rig::file::{ControllerSection, RigFile};
 use stepdrive_spec::modbus::Request;
 use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
 use stepdrive_spec::smsd::registers::Reg;
+use stepdrive_spec::smsd::standard::{self, Counter};
 use tempfile::TempDir;
 
 /// Two SMSDs whose programs wait for each other by wires, and an SMD3 that gets warm.
@@ -62,8 +65,9 @@ const RIG: &str = r#"
     delay = "30us"
 "#;
 
-/// The clients are those of the drives in turn.
+/// The clients are those of the drives in turn, then one of the first by USB.
 const DRIVES: usize = 3;
+const USB: usize = DRIVES;
 
 /// Something that goes in at a rig time.
 #[derive(Clone, Debug)]
@@ -73,6 +77,8 @@ enum Input {
         bytes: Vec<u8>,
     },
     Does(String),
+    /// Something outside the rig goes wrong.
+    Counts(Counter),
     /// Somebody looks, and nothing is recorded.
     Looks(usize),
 }
@@ -88,6 +94,7 @@ struct Bench {
 }
 
 struct Client {
+    drive: usize,
     conn: u64,
     talk: Talk,
 }
@@ -95,6 +102,7 @@ struct Client {
 enum Talk {
     Modbus(ModbusTalk),
     Lines(LineTalk, Box<LineReader>),
+    Packets(Box<PacketTalk>),
 }
 
 impl Bench {
@@ -123,7 +131,8 @@ impl Bench {
         world.record(Recorder::create(&folder.path().join("recording"), &header).expect("a new file"));
         let drives: Vec<Drive> =
             (0..DRIVES).map(|number| Drive::new(Arc::clone(&world), number, Arc::new(|_| {}))).collect();
-        let clients = drives.iter().map(|drive| Client::open(drive, world.rig())).collect();
+        let open = |number| Client::open(&drives, number, world.rig());
+        let clients = (0..=USB).map(open).collect();
         Bench { world, drives, clients, folder, replies: Vec::new() }
     }
 
@@ -131,13 +140,15 @@ impl Bench {
         match input {
             Input::Says { client, bytes } => self.say(*client, bytes),
             Input::Does(action) => Control::new(Arc::clone(&self.world)).act(action).expect("an action"),
+            Input::Counts(counter) => self.drives[0].count(*counter),
             Input::Looks(drive) => self.world.visit(*drive, |_, _| ()),
         }
     }
 
     /// As a station does.
     fn say(&mut self, client: usize, bytes: &[u8]) {
-        let (drive, client) = (&self.drives[client], &mut self.clients[client]);
+        let client = &mut self.clients[client];
+        let drive = &self.drives[client.drive];
         let (mut out, conn) = (Outgoing::default(), client.conn);
         let at = drive.visit(|group, member| {
             let heard = match &mut client.talk {
@@ -149,6 +160,11 @@ impl Bench {
                     let mut rest = bytes;
                     let line: Line<'_> = reader.take(&mut rest).expect("a line");
                     talk.hear(group, member, line, &mut out).0
+                }
+                Talk::Packets(talk) => {
+                    let mut reader = PacketReader::new(Framing::Stuffed);
+                    let packet = reader.take(Instant::ZERO, &mut &*bytes).expect("a packet");
+                    talk.hear(group, member, &packet, &mut out)
                 }
             };
             drive.record(group, conn, bytes, &out, heard);
@@ -168,15 +184,18 @@ impl Bench {
 }
 
 impl Client {
-    fn open(drive: &Drive, rig: &RigFile) -> Client {
-        let conn = drive.open();
-        let smd3 = drive.visit(|group, member| group.members()[member].machine().smd3().is_some());
-        let talk = if smd3 {
-            Talk::Lines(LineTalk::new(rig.seed, conn), Box::default())
-        } else {
-            Talk::Modbus(ModbusTalk::new(rig.seed, conn))
+    fn open(drives: &[Drive], number: usize, rig: &RigFile) -> Client {
+        let usb = (number == USB).then_some(Via::Usb);
+        let drive = if number == USB { 0 } else { number };
+        let conn = drives[drive].open(usb, Peer::Panel);
+        let talk = match (&rig.drives[drive].controller, usb) {
+            (ControllerSection::Smsd(_), Some(via)) => {
+                Talk::Packets(Box::new(PacketTalk::new(via, rig.seed, conn)))
+            }
+            (ControllerSection::Smsd(_), None) => Talk::Modbus(ModbusTalk::new(rig.seed, conn)),
+            (ControllerSection::Smd3(_), _) => Talk::Lines(LineTalk::new(rig.seed, conn), Box::default()),
         };
-        Client { conn, talk }
+        Client { drive, conn, talk }
     }
 }
 
@@ -219,6 +238,33 @@ fn requests() -> impl Strategy<Value = Request> {
     ]
 }
 
+fn packet(id: u8, request: &standard::Request) -> Vec<u8> {
+    let mut buffer = PacketBuf::new();
+    smsd::encode_request(&mut buffer, Framing::Stuffed, 2, id, request);
+    buffer.to_vec()
+}
+
+/// What is said over USB: logging in, any instruction, programs, counters, and what is no packet.
+fn packets() -> impl Strategy<Value = Vec<u8>> {
+    use standard::Request;
+    let word = |(opcode, data): (u8, u32)| data << 10 | u32::from(opcode) << 4;
+    let instruction = (0..0x40_u8, prop_oneof![0..8_u32, 0..2000_u32, 0..0x40_0000_u32]).prop_map(word);
+    let requests = prop_oneof![
+        2 => Just(Request::Authorise(0x0123_4567_89AB_CDEF)),
+        8 => instruction.prop_map(Request::Command),
+        1 => Just(Request::WriteMemory { area: 1, words: [0x10, 0x190].into_iter().collect() }),
+        1 => Just(Request::ReadMemory { area: 0 }),
+        1 => Just(Request::GetErrors),
+        1 => Just(Request::GetLan),
+    ];
+    prop_oneof![
+        20 => (any::<u8>(), requests).prop_map(|(id, request)| packet(id, &request)),
+        1 => Just(b"\xFA\xFB".to_vec()),
+        1 => Just(b"\xFA\x01\xFE\xFB".to_vec()),
+        1 => Just([&b"\xFA"[..], &[7; 3000], b"\xFB"].concat()),
+    ]
+}
+
 fn lines() -> impl Strategy<Value = String> {
     prop_oneof![
         Just("RUNV,+\r"),
@@ -248,6 +294,7 @@ fn actions() -> impl Strategy<Value = String> {
         Just("wire a.relay b.CONTINUE cut"),
         Just("wire a.relay b.CONTINUE mend"),
         Just("fault b.reply-damage 50%"),
+        Just("fault a.reply-id 50%"),
         Just("fault a.connection cut for 3ms"),
         Just("fault u.reply-drop 30%"),
         Just("fault u.thermocouple open for 9ms"),
@@ -267,6 +314,8 @@ fn inputs() -> impl Strategy<Value = Vec<(Duration, Input)>> {
     let input = prop_oneof![
         4 => says.prop_map(|(client, id, unit, request)| Input::Says { client, bytes: frame(id, unit, &request) }),
         3 => lines().prop_map(|line| Input::Says { client: 2, bytes: line.into_bytes() }),
+        3 => packets().prop_map(|bytes| Input::Says { client: USB, bytes }),
+        1 => prop_oneof![Just(Counter::TimeOut), Just(Counter::Fram)].prop_map(Input::Counts),
         2 => actions().prop_map(Input::Does),
         2 => (0..DRIVES).prop_map(Input::Looks),
     ];
@@ -417,13 +466,34 @@ fn a_request_on_a_line_that_is_cut_and_one_that_was_not_stored_replay() {
         out.push(&[1]);
         talk.not_stored(&frame, &mut out);
         assert_eq!(out.bytes()[7..], [0x90, 4]);
-        drive.record_not_stored(group, client.conn, &out);
+        drive.record_not_stored(group, client.conn, &[], &out);
     });
     bench.put(&Input::Does("fault a.connection cut".to_owned()));
     bench.say(0, &request);
     let (replayed, replies) = bench.end();
     assert_eq!(replayed.requests, 3);
     assert!(replies[2].1.is_empty());
+}
+
+#[test]
+fn what_was_counted_and_a_packet_that_was_not_stored_replay() {
+    let mut bench = Bench::start("paused");
+    bench.world.clock().jump_to(Instant::from_nanos(2_000_000_000)).expect("forward");
+    bench.say(USB, &packet(1, &standard::Request::Authorise(0x0123_4567_89AB_CDEF)));
+    bench.say(USB, &packet(2, &standard::Request::SetPassword(7)));
+    bench.put(&Input::Counts(Counter::Fram));
+    let (drive, client) = (&bench.drives[0], &mut bench.clients[USB]);
+    drive.visit(|group, member| {
+        let Talk::Packets(talk) = &mut client.talk else { return };
+        let mut out = Outgoing::default();
+        out.push(&[1]);
+        talk.not_stored(group, member, &mut out);
+        assert_eq!(out.bytes()[9..10], [standard::Code::ErrorWrite.number()]);
+        drive.record_not_stored(group, client.conn, &[], &out);
+    });
+    bench.say(USB, &packet(3, &standard::Request::GetErrors));
+    let (_, replies) = bench.end();
+    assert_eq!(replies[2].1[7 + 4 * Counter::Fram as usize], 1);
 }
 
 #[test]
@@ -434,7 +504,7 @@ fn a_recording_with_centuries_in_it_can_be_bounded() {
     Control::new(Arc::clone(&bench.world)).end_recording();
     let recording = fs::read(bench.folder.path().join("recording")).expect("a recording");
     let error = replay_within(recording.as_slice(), 10_000).expect_err("too much");
-    assert!(matches!(error, ReplayError::TooMuch { line: 6 }), "{error}");
+    assert!(matches!(error, ReplayError::TooMuch { line: 7 }), "{error}");
     assert!(replay_within(recording.as_slice(), 1_000_000).is_ok_and(|replayed| replayed.identical));
 }
 

@@ -58,7 +58,9 @@ impl Client {
     pub(super) fn connect(peer: &mut Peer<'_>, drive: usize, password: u64) -> (Client, Result<(), String>) {
         let number = peer.world.new_connection();
         let seed = peer.world.rig().seed;
-        peer.world.write(|| Entry::new(peer.group.now(), Happened::Open { conn: number, drive }));
+        peer.world.write(|| {
+            Entry::new(peer.group.now(), Happened::Open { conn: number, drive, via: None, panel: false })
+        });
         let Some(order) = peer.word_order(drive) else {
             let talk = Talk::Lines(Box::new(LineTalk::new(seed, number)));
             return (Client { drive, number, talk }, Ok(()));

@@ -68,7 +68,7 @@ fn machine(drive: &DriveSection) -> AnyMachine {
 fn recorded(drive: &DriveSection) -> RecordedDrive {
     match &drive.controller {
         ControllerSection::Smsd(section) => {
-            let port = Some(section.modbus_tcp.port());
+            let port = Some(section.lan.address.port());
             RecordedDrive { port, ..RecordedDrive::smsd(&drive.name, &Memory::factory()) }
         }
         ControllerSection::Smd3(_) => RecordedDrive::smd3(&drive.name, &Stored::Nothing),

@@ -9,6 +9,7 @@ use stepdrive_spec::smd3::errors::Error;
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::{INSTRUCTIONS, OpcodeInfo, Operand};
 use stepdrive_spec::smsd::registers::{Access, Kind, REGISTERS, Reg, Register};
+use stepdrive_spec::smsd::standard::Firmware;
 
 /// What is between what is sent and the refusal that is expected.
 const EXPECTING: &str = " expecting ";
@@ -130,6 +131,11 @@ fn smsd<'a>(name: &str, rig: &'a RigFile) -> Result<(usize, &'a SmsdSection), St
     let drive = rig.find_drive(name).map_err(|error| error.message)?;
     let section = rig.drives.get(drive).and_then(|drive| drive.smsd());
     let section = section.ok_or_else(|| format!("{name} is an SMD3, which has no registers; see line"))?;
+    if section.lan.firmware == Firmware::Standard {
+        return Err(format!(
+            "{name} has the standard firmware, which has no registers; leave out its lan = \"standard\""
+        ));
+    }
     Ok((drive, section))
 }
 

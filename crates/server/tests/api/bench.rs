@@ -70,6 +70,11 @@ impl Bench {
         Bench { server, _folder: folder }
     }
 
+    /// A rig that is served already, and its state folder.
+    pub(crate) fn of(server: Server, folder: TempDir) -> Bench {
+        Bench { server, _folder: folder }
+    }
+
     /// Where the API listens.
     pub(crate) fn address(&self) -> SocketAddr {
         self.server.api().expect("the rig has an API")

@@ -7,3 +7,4 @@ mod broken;
 mod endings;
 mod identical;
 mod session;
+mod usb;

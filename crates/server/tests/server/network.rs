@@ -67,10 +67,7 @@ async fn a_new_unit_and_a_new_port_are_in_effect_and_survive_a_restart() {
     client.unit = 9;
     client.ask(&who_are_you()).await.expect("answered");
     left(old).await;
-    assert_eq!(
-        bench.notices("now on"),
-        [format!("stage: network configuration applied; now on Modbus TCP {new}")]
-    );
+    assert_eq!(bench.notices("now on"), [format!("stage: network configuration applied; now on TCP {new}")]);
 
     let bench = bench.restart().await;
     assert_eq!(bench.address(), new);

@@ -6,6 +6,7 @@ mod motors;
 mod page;
 mod registers;
 mod smd3;
+mod smsd_usb;
 
 use crate::Outcome;
 use crate::workspace::Workspace;
@@ -13,12 +14,13 @@ use crate::workspace::Workspace;
 /// A page: its path, and its text.
 type Page = (&'static str, String);
 
-fn pages(workspace: &Workspace) -> Outcome<[Page; 5]> {
+fn pages(workspace: &Workspace) -> Outcome<[Page; 6]> {
     Ok([
         ("docs/registers.md", registers::page()),
         ("docs/instructions.md", instructions::page()),
         ("docs/motors.md", motors::page()),
         ("docs/smd3-commands.md", smd3::page()),
+        ("docs/smsd-usb-tables.md", smsd_usb::page()),
         ("docs/assumptions.md", assumptions::page(workspace)?),
     ])
 }

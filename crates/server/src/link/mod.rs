@@ -4,9 +4,12 @@
 //! through it on its way out. What is wrong is a setting of the drive, [`LineFaults`]; what happens to which request is
 //! drawn from the seed.
 
+mod outgoing;
+
+pub(crate) use outgoing::Outgoing;
+
 use rand_core::Rng as _;
 use rand_pcg::Pcg64Dxsm;
-use std::iter::once;
 use std::time::Duration;
 use stepdrive_rig::line::{Chance, Connection, Delay, LineFaults, Pieces};
 use stepdrive_spec::modbus::Exception;
@@ -24,6 +27,8 @@ pub(crate) enum Protocol {
     Modbus,
     /// The lines of an SMD3.
     Lines,
+    /// The packets of an SMSD's standard protocol.
+    Packets,
 }
 
 /// What becomes of a request before the drive sees it.
@@ -68,6 +73,16 @@ impl Link {
                 if refuse { Fate::Refuse(exception) } else { Fate::Deliver }
             }
         }
+    }
+
+    /// What the identification of a reply is changed by before it is put into a packet, whose checksum is then right; 0
+    /// leaves it as it is.
+    pub(crate) fn change_of_id(&mut self, faults: &LineFaults) -> u8 {
+        if faults.connection != Connection::Good || !self.dice.happens(faults.wrong_id) {
+            return 0;
+        }
+        // Other than zero, so that it changes.
+        u8::try_from(1 + self.dice.below(0xFF)).unwrap_or(1)
     }
 
     /// What becomes of one whole reply: puts what leaves behind what is in `out`.
@@ -204,84 +219,9 @@ impl Dice {
     }
 }
 
-/// Bytes to be sent, with pauses between them.
-///
-/// The pauses are of the time of the client's world, not of the rig's. A client's timeouts are real: a reply that is to be
-/// 20 ms late is so whatever the rig's clock does, and comes at all while it is paused.
-#[derive(Debug, Default)]
-pub(crate) struct Outgoing {
-    bytes: Vec<u8>,
-    /// The pauses, by how many of the bytes come before them.
-    pauses: Vec<(usize, Duration)>,
-}
-
-/// Bytes to be sent at once, after a pause.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Part<'a> {
-    /// How long to wait before they are sent.
-    pub(crate) pause: Duration,
-    /// At least one.
-    pub(crate) bytes: &'a [u8],
-}
-
-impl Outgoing {
-    /// Nothing to be sent; allocates nothing.
-    pub(crate) const fn new() -> Outgoing {
-        Outgoing { bytes: Vec::new(), pauses: Vec::new() }
-    }
-
-    /// Puts bytes behind the others, without a pause before them.
-    pub(crate) fn push(&mut self, bytes: &[u8]) {
-        self.bytes.extend_from_slice(bytes);
-    }
-
-    /// Lets what is pushed next be sent by itself, after a pause, which may be zero.
-    fn pause(&mut self, pause: Duration) {
-        self.pauses.push((self.bytes.len(), pause));
-    }
-
-    /// Puts all of `other` behind the others, and leaves it empty.
-    pub(crate) fn append(&mut self, other: &mut Outgoing) {
-        let before = self.bytes.len();
-        self.bytes.extend_from_slice(&other.bytes);
-        self.pauses.extend(other.pauses.iter().map(|(at, pause)| (before + at, *pause)));
-        other.clear();
-    }
-
-    /// All bytes, without the pauses.
-    pub(crate) fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
-    /// How many bytes there are to send.
-    pub(crate) fn len(&self) -> usize {
-        self.bytes.len()
-    }
-
-    /// Whether there is nothing to send.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.bytes.is_empty()
-    }
-
-    /// Forgets what there was and keeps the room that it took.
-    pub(crate) fn clear(&mut self) {
-        self.bytes.clear();
-        self.pauses.clear();
-    }
-
-    /// What to send, in order. Each part is to be written by itself.
-    pub(crate) fn parts(&self) -> impl Iterator<Item = Part<'_>> {
-        let starts = once((0, Duration::ZERO)).chain(self.pauses.iter().copied());
-        let ends = self.pauses.iter().map(|(at, _)| *at).chain(once(self.bytes.len()));
-        let parts = starts
-            .zip(ends)
-            .map(|((start, pause), end)| Part { pause, bytes: self.bytes.get(start..end).unwrap_or(&[]) });
-        parts.filter(|part| !part.bytes.is_empty())
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::outgoing::Part;
     use super::*;
     use proptest::prelude::*;
 
@@ -463,6 +403,19 @@ mod tests {
         let mut link = Link::new(Protocol::Lines, 1, 1);
         assert_eq!(link.request(&faults), Fate::Deliver);
         assert_eq!(bytes(&mut link, &faults, b"0,1\r\n"), b"0,1\r\n");
+    }
+
+    #[test]
+    fn packets_have_no_exceptions_and_get_another_identification_before_they_are_made() {
+        let exception = Some((Exception::ServerDeviceBusy, Chance::ALWAYS));
+        let faults = LineFaults { exception, wrong_id: Chance::ALWAYS, ..GOOD };
+        let mut link = Link::new(Protocol::Packets, 1, 1);
+        assert_eq!(link.request(&faults), Fate::Deliver);
+        assert_eq!(bytes(&mut link, &faults, REPLY), REPLY);
+        assert!((0..1_000).all(|_| link.change_of_id(&faults) != 0));
+        let before = link.dice.0.clone();
+        assert_eq!(link.change_of_id(&GOOD), 0);
+        assert_eq!(link.dice.0, before, "a good line draws nothing");
     }
 
     #[test]

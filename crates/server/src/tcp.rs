@@ -1,0 +1,154 @@
+//! The TCP ports of a drive: a listener for each, a task for each connection.
+
+use crate::What;
+use crate::drive::Drive;
+use crate::traffic::Peer;
+use socket2::{SockRef, TcpKeepalive};
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use stepdrive_spec::smsd::timing::MAX_CONNECTIONS;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
+use tokio::time::timeout;
+
+/// How long a peer that has vanished may keep its socket before the kernel starts asking for it.
+const KEEPALIVE: Duration = Duration::from_mins(1);
+
+/// How long accepting rests after it has failed, as when the process has no file descriptors left.
+const ACCEPT_REST: Duration = Duration::from_millis(100);
+
+/// How long a connection waits for a socket when all are taken. A client that leaves and comes back at once, or whose
+/// place another one takes, is seen to come before it is seen to leave.
+const LEAVING: Duration = Duration::from_millis(100);
+
+/// Who serves the connections of a listener: [`MAX_CONNECTIONS`] at a time, as many as an SMSD's network chip has sockets.
+pub(crate) trait Host: Clone + Send + Sync + 'static {
+    /// The drive that is reached here.
+    fn drive(&self) -> &Drive;
+
+    /// Speaks with a client until it leaves, or its line is cut.
+    fn converse<T>(&self, stream: T, peer: Peer) -> impl Future<Output = ()> + Send
+    where
+        T: AsyncRead + AsyncWrite + Unpin + Send;
+
+    /// Waits until the drive wants to be reached anew, maybe elsewhere: all connections are closed then.
+    fn moved(&self) -> impl Future<Output = SocketAddr> + Send {
+        std::future::pending()
+    }
+
+    /// A client was turned away.
+    fn turned_away(&self) {}
+}
+
+/// A socket that takes the connections of one drive.
+pub(crate) struct Listener {
+    socket: TcpListener,
+    address: SocketAddr,
+}
+
+impl Listener {
+    /// Listens at `address`; port 0 takes a free one.
+    pub(crate) async fn bind(address: SocketAddr) -> io::Result<Listener> {
+        let socket = TcpListener::bind(address).await?;
+        let address = socket.local_addr()?;
+        Ok(Listener { socket, address })
+    }
+
+    /// Where it listens.
+    pub(crate) fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Serves the drive's clients until it is dropped.
+    pub(crate) async fn serve(mut self, host: impl Host) {
+        let mut connections = Connections::new(host.clone());
+        let mut line = host.drive().watch();
+        let mut outages = line.borrow_and_update().outages;
+        loop {
+            tokio::select! {
+                accepted = self.socket.accept() => match accepted {
+                    Ok((stream, peer)) => connections.admit(stream, peer),
+                    Err(error) => {
+                        host.drive().tell(What::CannotAccept(error));
+                        tokio::time::sleep(ACCEPT_REST).await;
+                    }
+                },
+                _ = line.changed() => if outages != line.borrow_and_update().outages {
+                    outages = line.borrow().outages;
+                    connections.close_all().await;
+                },
+                address = host.moved() => {
+                    // The network chip is set up anew: all its sockets are closed.
+                    connections.close_all().await;
+                    self.move_to(address, &host).await;
+                }
+            }
+        }
+    }
+
+    /// Listens at another address. When that cannot be had, the old one stays: a drive that nobody can reach is worse.
+    async fn move_to(&mut self, address: SocketAddr, host: &impl Host) {
+        if address.port() == self.address.port() || address.port() == 0 {
+            return;
+        }
+        match Listener::bind(address).await {
+            Ok(listener) => {
+                *self = listener;
+                host.drive().tell(What::Moved(self.address));
+            }
+            Err(error) => host.drive().tell(What::CannotMove { to: address, error }),
+        }
+    }
+}
+
+/// The clients of one drive.
+struct Connections<H> {
+    host: H,
+    tasks: JoinSet<()>,
+    /// The places for them.
+    sockets: Arc<Semaphore>,
+}
+
+impl<H: Host> Connections<H> {
+    fn new(host: H) -> Connections<H> {
+        let sockets = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+        Connections { host, tasks: JoinSet::new(), sockets }
+    }
+
+    /// Serves a connection, or closes it when all sockets are taken.
+    fn admit(&mut self, stream: TcpStream, peer: SocketAddr) {
+        while self.tasks.try_join_next().is_some() {}
+        if !self.host.drive().is_reachable() {
+            return;
+        }
+        if self.tasks.len() >= 2 * MAX_CONNECTIONS {
+            turn_away(&self.host, peer);
+            return;
+        }
+        let (host, sockets) = (self.host.clone(), Arc::clone(&self.sockets));
+        self.tasks.spawn(async move {
+            let Ok(Ok(_socket)) = timeout(LEAVING, sockets.acquire()).await else {
+                turn_away(&host, peer);
+                return;
+            };
+            // Without these the connection still works, a little slower or a little longer.
+            let _ = stream.set_nodelay(true);
+            let _ = SockRef::from(&stream).set_tcp_keepalive(&TcpKeepalive::new().with_time(KEEPALIVE));
+            host.converse(stream, Peer::Tcp(peer)).await;
+        });
+    }
+
+    /// Closes all connections.
+    async fn close_all(&mut self) {
+        self.tasks.shutdown().await;
+    }
+}
+
+fn turn_away(host: &impl Host, peer: SocketAddr) {
+    host.turned_away();
+    host.drive().tell(What::Full(peer));
+}
