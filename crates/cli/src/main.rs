@@ -8,6 +8,7 @@
 mod axis;
 mod disk;
 mod manual;
+mod panel;
 mod plot;
 mod program;
 mod replay;
@@ -74,6 +75,8 @@ enum Command {
     Term(axis::TermArgs),
     /// List where controllers may be found: serial ports, and the drives of a rig that runs here.
     Ports(axis::PortsArgs),
+    /// Show axes in a browser, and drive them from there: jog, move, home, settings, programs.
+    Panel(panel::PanelArgs),
     /// Bring up a rig of virtual controllers and keep it running until Ctrl-C or SIGTERM.
     Up(UpArgs),
     /// Look at a rig that runs, and control it: its clock, inputs, faults, wires, power.
@@ -165,6 +168,7 @@ fn main() -> ExitCode {
         Command::Bake(args) => axis::bake(&args),
         Command::Term(args) => axis::term(&args),
         Command::Ports(args) => axis::ports(&args),
+        Command::Panel(args) => panel::panel(&args),
         Command::Up(args) => up::up(&args),
         Command::Rig(args) => rig::rig(&args),
         Command::Replay(args) => replay::replay(&args),

@@ -1,5 +1,6 @@
 //! `stepdrive up`: brings a rig up and keeps it running.
 
+use crate::panel::{of_rig, url};
 use crate::rig::DEFAULT_API;
 use crate::rigs::{self, Rig};
 use crate::terminal::print;
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::Duration;
+use stepdrive_panel::Panel;
 use stepdrive_rig::file::{ApiSection, ControllerSection, DriveSection, SwitchSection};
 use stepdrive_server::{Notify, Options, Recording, ServedDrive, Server};
 use tokio::runtime;
@@ -24,6 +26,8 @@ struct Ready {
     #[serde(skip_serializing_if = "Option::is_none")]
     api: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    panel: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     recording: Option<PathBuf>,
 }
 
@@ -34,6 +38,12 @@ struct ReadyDrive {
     model: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     modbus_tcp: Option<SocketAddr>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    standard_tcp: Option<SocketAddr>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    usb: Option<PathBuf>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    usb_tcp: Option<SocketAddr>,
     #[serde(skip_serializing_if = "Option::is_none")]
     serial: Option<PathBuf>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -51,12 +61,18 @@ pub(crate) fn up(args: &UpArgs) -> Result<(), Failure> {
         // Asked for before anything is announced, so that a signal never finds the default of dying at once.
         let end =
             end_requested().map_err(|error| Failure::Failed(format!("cannot catch signals: {error}")))?;
-        let server = Server::start(&rig.file, options(&rig, args, talk.notify()))
-            .await
-            .map_err(|error| Failure::Failed(error.to_string()))?;
+        let mut panel: Option<Panel> = None;
+        let server =
+            Server::start_with(&rig.file, options(&rig, args, talk.notify()), |connector, drives| {
+                panel.insert(of_rig(connector, drives, &rig.file.drives)).router()
+            });
+        let server = server.await.map_err(|error| Failure::Failed(error.to_string()))?;
         let up = Running { rig: &rig, server: &server, recording: args.record.as_deref() };
         print(&if args.json { up.ready_line()? } else { up.welcome() })?;
         end.await;
+        if let Some(panel) = panel {
+            panel.close().await;
+        }
         server.stop().await;
         Ok::<(), Failure>(())
     })?;
@@ -162,14 +178,30 @@ impl Running<'_> {
         self.server.api().map(|at| format!("http://{}", SocketAddr::new(reachable(at), at.port())))
     }
 
+    /// Where its panel is, for a browser.
+    fn panel(&self) -> Option<String> {
+        self.server.api().map(url)
+    }
+
     fn ready_line(&self) -> Result<String, Failure> {
         let drive = |drive: &ServedDrive| {
-            let ServedDrive { name, model, modbus_tcp, unit: _, serial, serial_tcp } = drive.clone();
-            ReadyDrive { name, model, modbus_tcp, serial, serial_tcp }
+            let ServedDrive {
+                name,
+                model,
+                modbus_tcp,
+                unit: _,
+                standard_tcp,
+                usb,
+                usb_tcp,
+                serial,
+                serial_tcp,
+            } = drive.clone();
+            ReadyDrive { name, model, modbus_tcp, standard_tcp, usb, usb_tcp, serial, serial_tcp }
         };
         let drives = self.server.drives().iter().map(drive).collect();
         let recording = self.recording.map(Path::to_owned);
-        let ready = Ready { event: "ready", drives, api: self.api(), recording };
+        let (api, panel) = (self.api(), self.panel());
+        let ready = Ready { event: "ready", drives, api, panel, recording };
         let line = serde_json::to_string(&ready).map_err(|error| Failure::Failed(error.to_string()))?;
         Ok(line + "\n")
     }
@@ -184,14 +216,15 @@ impl Running<'_> {
             let _ = writeln!(text, "  {:width$}  {}", "", mechanics(section), width = name.len());
         }
         let _ = writeln!(text, "\nNon-volatile memory: {}", rig.state.display());
-        let api = self.api();
-        if let Some(api) = &api {
+        let (api, panel) = (self.api(), self.panel());
+        if let Some((api, panel)) = api.as_ref().zip(panel.as_ref()) {
+            let _ = writeln!(text, "Panel: {panel}");
             let _ = writeln!(text, "Control API: {api}");
         }
         if let Some(recording) = recording {
             let _ = writeln!(text, "Recording: {}", recording.display());
         }
-        text.push_str(&things_to_try(server.drives(), api.as_deref()));
+        text.push_str(&things_to_try(server.drives(), api.as_deref(), panel.as_deref()));
         text.push_str("\nCtrl-C ends it.\n");
         text
     }
@@ -200,15 +233,25 @@ impl Running<'_> {
 /// Where a drive is reached.
 fn reached(drive: &ServedDrive) -> String {
     let modbus = drive.modbus_tcp.zip(drive.unit).map(|(at, unit)| format!("Modbus TCP {at}, unit {unit}"));
+    let standard = drive.standard_tcp.map(|at| format!("standard protocol on TCP {at}"));
+    let usb = drive.usb.as_ref().map(|path| format!("USB {}", path.display()));
+    let usb_tcp = drive.usb_tcp.map(|at| format!("USB over TCP {at}"));
     let serial = drive.serial.as_ref().map(|path| format!("serial port {}", path.display()));
     let serial_tcp = drive.serial_tcp.map(|at| format!("lines over TCP {at}"));
-    [modbus, serial, serial_tcp].into_iter().flatten().collect::<Vec<String>>().join(", ")
+    [modbus, standard, usb, usb_tcp, serial, serial_tcp]
+        .into_iter()
+        .flatten()
+        .collect::<Vec<String>>()
+        .join(", ")
 }
 
 /// A few things to try, with the first drive of each family.
-fn things_to_try(drives: &[ServedDrive], api: Option<&str>) -> String {
+fn things_to_try(drives: &[ServedDrive], api: Option<&str>, panel: Option<&str>) -> String {
     let program = std::env::args().next().unwrap_or_else(|| "stepdrive".to_owned());
     let mut things = Vec::new();
+    if let Some(panel) = panel {
+        things.push(format!("see every drive move, and move it, in a browser:\n     {panel}"));
+    }
     if let Some((at, unit)) = drives.iter().find_map(|drive| drive.modbus_tcp.zip(drive.unit)) {
         let (host, port) = (reachable(at), at.port());
         things.push(format!(

@@ -32,7 +32,7 @@ pub(crate) use record::{RecordArgs, record};
 pub(crate) use regs::{RegsArgs, regs};
 pub(crate) use settings::{Command as SettingsCommand, settings};
 pub(crate) use status::{StatusArgs, status};
-pub(crate) use target::{Found, find, find_all};
+pub(crate) use target::{Found, find, find_all, measured};
 pub(crate) use term::{TermArgs, term};
 pub(crate) use trust::{Record, Remembered};
 pub(crate) use values::{GetArgs, SetArgs, get, set};

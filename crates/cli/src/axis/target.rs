@@ -74,6 +74,19 @@ pub(crate) fn find_all(names: &[String], reach: &Reach) -> Result<Vec<Found>, Fa
     names.iter().map(|name| axes.named(name)).collect()
 }
 
+/// The scale and the limits of the axis that has this controller in the `stepdrive.toml` that is there, if one has. What is
+/// wrong with the file is told to whoever asks for an axis of it.
+pub(crate) fn measured(target: &Target) -> Option<(Scale, SoftLimits)> {
+    let sections = config::read(&usual_file()?).ok()?;
+    let is_there = |section: &AxisSection| place_of(&section.target) == place_of(target);
+    sections.into_iter().find(is_there).map(|section| (section.scale, section.limits))
+}
+
+/// Where a controller is, however it is spoken to.
+fn place_of(target: &Target) -> String {
+    target.name().replace("localhost:", "127.0.0.1:")
+}
+
 /// The axes that have names.
 struct Axes {
     /// Where they stand; `None` when there is no such file.

@@ -370,7 +370,9 @@ impl<M: Motor> DriveAxis<M> {
             }
             Some((low, high)) => {
                 let end = if direction == Direction::Positive { high } else { low };
-                self.check(Goal::To(Amount::new(end, self.scale.unit())), &options).await?.order
+                let checked = self.check(Goal::To(Amount::new(end, self.scale.unit())), &options).await?;
+                check_room(direction, &checked.plan)?;
+                checked.order
             }
         };
         self.begin(order, stops).await
@@ -541,6 +543,19 @@ impl<M: Motor> Axis for DriveAxis<M> {
             Ok(self.look().await?.faults)
         })
     }
+}
+
+/// A run ends at the soft limit that lies in its direction; there has to be one.
+fn check_room(direction: Direction, plan: &Plan) -> Result<(), Error> {
+    let (from, to) = (plan.from, plan.to);
+    let is_ahead =
+        if direction == Direction::Positive { to.value > from.value } else { to.value < from.value };
+    if is_ahead {
+        return Ok(());
+    }
+    Err(Error::Refused(format!(
+        "the axis stands at {from}, at or beyond the soft limit {to}; go the other way; nothing was sent"
+    )))
 }
 
 impl<M: Motor> fmt::Debug for DriveAxis<M> {

@@ -194,6 +194,11 @@ pub(crate) async fn a_run_ends_at_the_soft_limit_or_when_it_is_stopped<S: Stage>
     axis.run(Direction::Negative, HERE).await.expect("started");
     axis.wait_done(None).await.expect("it stands");
     assert_eq!(rig.carriage() - before, -40.0);
+    let refused = axis.run(Direction::Negative, HERE).await.expect_err("it is there");
+    assert!(refused.to_string().contains("at or beyond the soft limit -1mm"), "{refused}");
+    let axis = axis.with_limits(limits(0, 5));
+    axis.run(Direction::Negative, HERE).await.expect_err("it would go the other way");
+    assert_eq!((rig.carriage() - before, rig.speed()), (-40.0, 0.0));
     let unknown = rig.axis().with_limits(limits(-1, 5));
     assert!(
         matches!(unknown.run(Direction::Positive, HERE).await, Err(Error::Refused(_))),

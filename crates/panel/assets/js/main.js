@@ -1,0 +1,180 @@
+// The shell of the page: header, routes, notices, and the stops that always work.
+
+import { h, replace, setClass, setText } from "./dom.js";
+import { api, has, ofAxis, onTokenWanted } from "./net.js";
+import * as store from "./store.js";
+import { mountOverview } from "./overview.js";
+import { mountAxis } from "./axis.js";
+import { mountRig } from "./rig.js";
+import { mountTraffic } from "./traffic.js";
+
+const THEME = "stepdrive-theme";
+const main = document.getElementById("main");
+const notices = document.getElementById("notices");
+
+/** Whether there is a rig here, whose time and faults can be had. */
+let rig = false;
+let unmount = () => {};
+/** The axis that the page is about, which the space bar stops. */
+let current = null;
+
+/** Tells the person something: "info", "error" or "good". An error stays until it is closed. */
+export function notify(level, text) {
+  const note = h("div", { class: `notice ${level}` },
+    h("p", {}, text),
+    h("button", { type: "button", class: "plain", "aria-label": "Close this notice", onclick: () => note.remove() }, "✕"));
+  notices.append(note);
+  while (notices.children.length > 5) notices.firstChild.remove();
+  if (level !== "error") setTimeout(() => note.remove(), 6000);
+}
+
+/** Does something and tells when it fails. Answers what it gave, or undefined. */
+export async function attempt(what) {
+  try {
+    return await what();
+  } catch (error) {
+    notify("error", error.message);
+    return undefined;
+  }
+}
+
+/** Stops an axis, whatever else goes on. */
+export function stop(name, how = "soft") {
+  return attempt(() => api("POST", ofAxis(name, "/stop"), { how }, { urgent: true, keepalive: true }));
+}
+
+/** Stops all axes. */
+export async function stopAll() {
+  await Promise.all(store.axes.map((axis) => stop(axis.name)));
+}
+
+const context = { notify, attempt, stop, stopAll, navigate: (hash) => { location.hash = hash; }, hasRig: () => rig };
+
+/* Routes. */
+
+function route() {
+  const [page, name, part] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
+  unmount();
+  current = null;
+  if (page === "axis" && name) {
+    current = name;
+    store.focus(name);
+    unmount = mountAxis(main, { ...context, name, part: part ?? "drive" });
+    document.title = `${name} – stepdrive`;
+  } else {
+    store.focus(null);
+    if (page === "rig" && rig) unmount = mountRig(main, context);
+    else if (page === "traffic" && rig) unmount = mountTraffic(main, context);
+    else unmount = mountOverview(main, context);
+    document.title = "stepdrive";
+  }
+  for (const link of document.querySelectorAll("#top nav a")) {
+    const here = link.getAttribute("href") === (location.hash || "#/");
+    if (here) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+}
+
+/* The header. */
+
+const linkLamp = h("span", { class: "link", role: "status" }, "connecting");
+
+function showLink(up, error) {
+  setText(linkLamp, up ? "connected" : "connection lost");
+  setClass(linkLamp, "lost", !up);
+  document.body.classList.toggle("unlinked", !up);
+  if (error?.status === 503) notify("error", error.message);
+}
+
+function header() {
+  const nav = h("nav", { "aria-label": "Pages" }, h("a", { href: "#/" }, "Drives"));
+  if (rig) nav.append(h("a", { href: "#/rig" }, "Rig"), h("a", { href: "#/traffic" }, "Traffic"));
+  replace(document.getElementById("top"),
+    h("a", { class: "brand", href: "#/", "aria-label": "stepdrive, all drives" }, "stepdrive"),
+    nav,
+    linkLamp,
+    h("button", { type: "button", class: "plain", id: "theme", onclick: nextTheme }, themeName()),
+    h("button", { type: "button", class: "stop", id: "stop-all", title: "Brakes every drive (SOFT_STOP, STOP)", onclick: stopAll }, "Stop all"));
+}
+
+/* Light and dark. */
+
+const THEMES = ["auto", "light", "dark"];
+const theme = () => localStorage.getItem(THEME) ?? "auto";
+const themeName = () => `Theme: ${theme()}`;
+
+function applyTheme() {
+  if (theme() === "auto") delete document.documentElement.dataset.theme;
+  else document.documentElement.dataset.theme = theme();
+  document.dispatchEvent(new Event("theme"));
+}
+
+function nextTheme() {
+  localStorage.setItem(THEME, THEMES[(THEMES.indexOf(theme()) + 1) % THEMES.length]);
+  applyTheme();
+  setText(document.getElementById("theme"), themeName());
+}
+
+/* Stops by key. The space bar stops the drive of this page, or all where the page is about all; Escape stops the drive of
+   this page too, also while text is being written. */
+
+const writes = (element) =>
+  element instanceof HTMLTextAreaElement ||
+  (element instanceof HTMLInputElement && ["text", "search", "password"].includes(element.type));
+
+function stopByKey(event) {
+  const space = event.code === "Space" && !writes(event.target);
+  if (!space && !(event.key === "Escape" && current !== null)) return;
+  if (document.querySelector("dialog[open]")) return;
+  if (space) {
+    event.preventDefault();
+    event.stopPropagation();
+  }
+  if (event.repeat) return;
+  document.dispatchEvent(new Event("stopped-by-key"));
+  if (current !== null) stop(current);
+  else stopAll();
+}
+
+/* The token. */
+
+function askForToken() {
+  return new Promise((done) => {
+    const field = h("input", { type: "password", id: "token", autocomplete: "off", required: true });
+    const dialog = h("dialog", { "aria-labelledby": "token-title" },
+      h("form", { method: "dialog" },
+        h("h2", { id: "token-title" }, "This panel asks for its token"),
+        h("p", {}, "It is the api_token of the rig file, or what the panel was started with."),
+        h("label", { for: "token" }, "Token"), field,
+        h("div", { class: "row" }, h("button", { class: "primary" }, "Go on"))));
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      done(field.value.trim() || null);
+    });
+    document.body.append(dialog);
+    dialog.showModal();
+  });
+}
+
+async function begin() {
+  onTokenWanted(askForToken);
+  applyTheme();
+  store.watch("link", showLink);
+  store.watch("notice", (event) => notify(event.level, `${event.name}: ${event.text}`));
+  store.watch("axes", () => {
+    const real = store.axes.some((axis) => !axis.virtual);
+    document.body.classList.toggle("real", real);
+  });
+  addEventListener("keydown", stopByKey, { capture: true });
+  addEventListener("hashchange", () => { route(); main.focus({ preventScroll: true }); });
+  header();
+  try {
+    rig = await has("/v1/rig");
+  } catch {
+    // The stream of events goes on trying, and tells.
+  }
+  header();
+  route();
+}
+
+begin();

@@ -1,0 +1,153 @@
+// The way to the server: requests, and streams of events.
+
+const TOKEN = "stepdrive-token";
+/** A stream of axes that is silent for so long is dead: the server says something at least every 500 ms. */
+const SILENCE_MS = 2500;
+const FIRST_REST_MS = 250;
+const LONGEST_REST_MS = 2000;
+
+/** Why a request was not answered with what it asked for. */
+export class ApiError extends Error {
+  constructor(status, message, body = {}) {
+    super(message);
+    this.status = status;
+    this.body = body;
+  }
+}
+
+let askForToken = async () => null;
+/** Says who asks a person for the token. */
+export function onTokenWanted(ask) {
+  askForToken = ask;
+}
+
+let asking = null;
+async function newToken() {
+  asking ??= askForToken().finally(() => { asking = null; });
+  const token = await asking;
+  if (token) sessionStorage.setItem(TOKEN, token);
+  return Boolean(token);
+}
+
+function headers(extra = {}) {
+  const token = sessionStorage.getItem(TOKEN);
+  return token ? { ...extra, Authorization: `Bearer ${token}` } : extra;
+}
+
+async function problem(response) {
+  let body = {};
+  try {
+    body = await response.json();
+  } catch {
+    // What is no JSON has nothing more to tell than its status.
+  }
+  return new ApiError(response.status, body.error ?? `the server answered ${response.status}`, body);
+}
+
+/** Makes a request. Answers the JSON of the reply, or throws an ApiError; status 0 means that there was no reply. */
+export async function api(method, path, body, options = {}) {
+  const send = () => fetch(path, {
+    method,
+    headers: headers(body === undefined ? {} : { "Content-Type": "application/json" }),
+    body: body === undefined ? undefined : JSON.stringify(body),
+    signal: options.signal ?? AbortSignal.timeout(options.timeout ?? 10_000),
+    keepalive: options.keepalive ?? false,
+    priority: options.urgent ? "high" : "auto",
+  });
+  let response;
+  try {
+    response = await send();
+    if (response.status === 401 && await newToken()) response = await send();
+  } catch (error) {
+    const why = error.name === "TimeoutError" ? "it did not answer in time" : "it cannot be reached";
+    throw new ApiError(0, `no reply from the server: ${why}`);
+  }
+  if (!response.ok) throw await problem(response);
+  const text = await response.text();
+  return text ? JSON.parse(text) : {};
+}
+
+/** Whether the server has something under a path. */
+export async function has(path) {
+  try {
+    await api("GET", path);
+    return true;
+  } catch (error) {
+    if (error.status === 404) return false;
+    throw error;
+  }
+}
+
+/** Follows a stream of server-sent events until `close()`. `handlers` are called by the name of the event with its data;
+ * `onLink(true | false)` tells when the stream stands and when it is lost. It reconnects by itself. A stream that says less
+ * often that it lives needs a longer `silence`. */
+export function follow(path, handlers, onLink = () => {}, silence = SILENCE_MS) {
+  let closed = false;
+  let abort = new AbortController();
+  let rest = FIRST_REST_MS;
+  const run = async () => {
+    while (!closed) {
+      abort = new AbortController();
+      try {
+        await read(path, handlers, abort, silence, () => {
+          rest = FIRST_REST_MS;
+          onLink(true);
+        });
+      } catch (error) {
+        if (!closed) onLink(false, error);
+        if (error.status === 401 && await newToken()) continue;
+        if (error.status === 404 || error.status === 422) return;
+      }
+      if (closed) return;
+      onLink(false);
+      await new Promise((done) => setTimeout(done, rest));
+      rest = Math.min(rest * 2, LONGEST_REST_MS);
+    }
+  };
+  run();
+  return {
+    close() {
+      closed = true;
+      abort.abort();
+    },
+  };
+}
+
+async function read(path, handlers, abort, silence, onOpen) {
+  let timer = setTimeout(() => abort.abort(), silence);
+  try {
+    const response = await fetch(path, { headers: headers({ Accept: "text/event-stream" }), signal: abort.signal });
+    if (!response.ok) throw await problem(response);
+    onOpen();
+    const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+    let text = "";
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (done) return;
+      clearTimeout(timer);
+      timer = setTimeout(() => abort.abort(), silence);
+      text += value;
+      const parts = text.split("\n\n");
+      text = parts.pop();
+      for (const part of parts) dispatch(part, handlers);
+    }
+  } finally {
+    clearTimeout(timer);
+  }
+}
+
+function dispatch(part, handlers) {
+  let name = "message";
+  const data = [];
+  for (const line of part.split("\n")) {
+    if (line.startsWith("event:")) name = line.slice(6).trim();
+    else if (line.startsWith("data:")) data.push(line.slice(5).trimStart());
+  }
+  if (data.length && handlers[name]) handlers[name](JSON.parse(data.join("\n")));
+}
+
+/** A name of this page, by which the server knows whose jog it is. */
+export const PAGE_ID = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("");
+
+/** The path of an axis' own requests. */
+export const ofAxis = (name, rest = "") => `/v1/axes/${encodeURIComponent(name)}${rest}`;

@@ -1,0 +1,183 @@
+// Every register and parameter, as the tables have them: edited, checked, applied and read back.
+
+import { h, replace, setClass, setText } from "./dom.js";
+import { api, ofAxis } from "./net.js";
+
+/** Shows the settings of `context.axis` in `root`. */
+export function mountSettings(root, context) {
+  const { axis } = context;
+  let rows = [];
+  /** What a person has changed and not applied: texts by name. */
+  const edits = new Map();
+  const fields = new Map();
+  const search = h("input", { type: "search", placeholder: "Filter by name or meaning", "aria-label": "Filter settings", oninput: () => filter() });
+  const only = h("input", { type: "checkbox", id: "only-changed", onchange: () => filter() });
+  const apply = h("button", { type: "button", class: "primary", id: "apply", disabled: true, onclick: () => send() }, "Apply and verify");
+  const discard = h("button", { type: "button", id: "discard", disabled: true, onclick: () => { edits.clear(); show(); } }, "Discard");
+  const report = h("div", { class: "report", role: "status", id: "report" });
+  const body = h("div", { class: "settings" });
+  replace(root,
+    h("section", { class: "card" },
+      h("div", { class: "bar" }, h("h2", {}, "Settings"), search,
+        h("label", { class: "row", for: "only-changed" }, only, "Only what differs from the default"),
+        h("span", { class: "grow" }), ...memory(), discard, apply),
+      report, body));
+
+  /** What keeps the settings through power-off, by family. */
+  function memory() {
+    const act = (rest, label, title, good) => h("button", { type: "button", title, onclick: async () => {
+      if (await context.attempt(() => api("POST", ofAxis(axis.name, rest), {})) === undefined) return;
+      context.notify("good", good);
+      load();
+    } }, label);
+    if (axis.family === "smsd") {
+      return [act("/settings/apply-lan", "Apply LAN parameters", "Puts the LAN parameters into effect; the controller closes its connections", "The LAN parameters are in effect")];
+    }
+    return [
+      act("/settings/store", "Store", "STORE: keeps the settings through power-off", "The settings are stored"),
+      act("/settings/load", "Load", "LOAD: takes the stored settings back", "The stored settings are in force"),
+    ];
+  }
+
+  const load = async () => {
+    const answer = await context.attempt(() => api("GET", ofAxis(axis.name, "/settings")));
+    if (!answer) return;
+    rows = answer.rows;
+    show();
+  };
+
+  function show() {
+    fields.clear();
+    const groups = new Map();
+    for (const row of rows) groups.set(row.group, [...(groups.get(row.group) ?? []), row]);
+    replace(body, [...groups].map(([name, members]) => h("section", { class: "group" },
+      h("h3", {}, name),
+      h("div", { class: "scroll" }, h("table", {},
+        h("thead", {}, h("tr", {}, ["Setting", "Value", "Range", "Default", axis.family === "smd3" ? "Stored" : null, "What it is"].filter(Boolean).map((head) => h("th", { scope: "col" }, head)))),
+        h("tbody", {}, members.map(line)))))));
+    filter();
+    update();
+  }
+
+  function line(row) {
+    const id = `set-${row.name.replace(/[^A-Za-z0-9]/g, "-")}`;
+    const field = control(row, id);
+    const error = h("small", { class: "error", id: `${id}-error`, role: "alert" });
+    field.setAttribute("aria-describedby", error.id);
+    field.addEventListener("input", () => { note(row, field, error); update(); });
+    if (edits.has(row.name)) put(field, edits.get(row.name));
+    const element = h("tr", {},
+      h("th", { scope: "row" }, h("label", { for: id, class: "mono" }, row.name)),
+      h("td", {}, h("span", { class: "row" }, field, h("small", {}, row.unit)), error, row.writable ? null : h("small", {}, row.why_not ?? "read only")),
+      h("td", { class: "mono" }, rangeOf(row)),
+      h("td", { class: "mono" }, told(row, row.default)),
+      axis.family === "smd3" ? h("td", { class: "mono" }, row.stored === null || row.stored === undefined ? "–" : told(row, row.stored)) : null,
+      h("td", {}, row.about, " ", h("small", {}, row.source)));
+    fields.set(row.name, { row, field, error, element });
+    note(row, field, error);
+    return element;
+  }
+
+  function note(row, field, error) {
+    const text = got(field);
+    if (text === given(row)) edits.delete(row.name);
+    else edits.set(row.name, text);
+    const why = edits.has(row.name) ? objection(row, text) : "";
+    setText(error, why);
+    field.setAttribute("aria-invalid", String(Boolean(why)));
+    const element = field.closest("tr") ?? fields.get(row.name)?.element;
+    if (element) {
+      setClass(element, "edited", edits.has(row.name));
+      setClass(element, "differs", differs(row));
+    }
+  }
+
+  function update() {
+    const wrong = [...edits].some(([name, text]) => objection(fields.get(name).row, text));
+    apply.disabled = edits.size === 0 || wrong;
+    discard.disabled = edits.size === 0;
+    setText(apply, edits.size > 0 ? `Apply and verify ${edits.size}` : "Apply and verify");
+    for (const { row, element } of fields.values()) setClass(element, "differs", differs(row));
+  }
+
+  function filter() {
+    const wanted = search.value.trim().toLowerCase();
+    for (const { row, element } of fields.values()) {
+      const fits = !wanted || `${row.name} ${row.about}`.toLowerCase().includes(wanted);
+      element.hidden = !fits || (only.checked && !differs(row) && !edits.has(row.name));
+    }
+    for (const group of body.children) group.hidden = ![...group.querySelectorAll("tbody tr")].some((row) => !row.hidden);
+  }
+
+  async function send() {
+    const set = Object.fromEntries([...edits].map(([name, text]) => [name, valueOf(fields.get(name).row, text)]));
+    replace(report, "Applying …");
+    try {
+      const answer = await api("PUT", ofAxis(axis.name, "/settings"), { set });
+      edits.clear();
+      await load();
+      tell(answer);
+    } catch (error) {
+      replace(report, h("p", { class: "error" }, error.message));
+      for (const [name, why] of Object.entries(error.body?.fields ?? {})) {
+        const at = fields.get(name);
+        if (!at) continue;
+        setText(at.error, why);
+        at.field.setAttribute("aria-invalid", "true");
+      }
+    }
+  }
+
+  function tell({ changed, differs: differing }) {
+    const done = changed.map((row) => h("li", {}, h("code", {}, row.name), ` ${row.from} → ${row.to}, reads ${row.reads}`));
+    const other = differing.map((row) => h("li", { class: "error" }, h("code", {}, row.name), ` was to be ${row.wanted} and reads ${row.reads}`));
+    replace(report, h("p", {}, other.length ? "Applied, but not all reads back as it was written:" : `Applied and read back: ${changed.length} changed`),
+      h("ul", {}, done, other));
+  }
+
+  load();
+  return () => {};
+}
+
+/** The control that a setting is edited with. */
+function control(row, id) {
+  const common = { id, disabled: !row.writable };
+  if (row.kind === "bool") return h("input", { ...common, type: "checkbox", checked: Boolean(row.value) });
+  if (row.kind === "choice") {
+    return h("select", common, row.choices.map((choice) =>
+      h("option", { value: String(choice.value), selected: String(choice.value) === String(row.value) }, `${choice.value} – ${choice.name}`)));
+  }
+  return h("input", { ...common, type: "text", inputMode: row.kind === "text" ? "text" : "decimal", autocomplete: "off", spellcheck: false, value: given(row), size: 12 });
+}
+
+const got = (field) => (field.type === "checkbox" ? String(field.checked) : field.value.trim());
+const put = (field, text) => {
+  if (field.type === "checkbox") field.checked = text === "true";
+  else field.value = text;
+};
+const given = (row) => (row.kind === "bool" ? String(Boolean(row.value)) : row.value === null || row.value === undefined ? "" : String(row.value));
+const valueOf = (row, text) => (row.kind === "bool" ? text === "true" : row.kind === "text" ? text : Number(text));
+
+function told(row, value) {
+  if (value === null || value === undefined) return "–";
+  const choice = row.choices?.find((known) => String(known.value) === String(value));
+  return choice ? `${value} (${choice.name})` : String(value);
+}
+
+function rangeOf(row) {
+  if (row.kind === "bool") return "on, off";
+  if (row.min === null || row.min === undefined) return "";
+  return `${row.min} to ${row.max}`;
+}
+
+const differs = (row) => row.default !== null && row.default !== undefined && row.value !== null && String(Number(row.value)) !== String(Number(row.default)) && given(row) !== told(row, row.default);
+
+/** Why a text cannot be the value of a setting; empty when it can. */
+function objection(row, text) {
+  if (row.kind === "bool" || row.kind === "text" || row.kind === "choice") return "";
+  const value = Number(text);
+  if (text === "" || !Number.isFinite(value)) return "a number, please";
+  if (row.kind === "integer" && !Number.isInteger(value)) return "a whole number, please";
+  if (row.min !== null && row.min !== undefined && (value < row.min || value > row.max)) return `${row.min} to ${row.max}${row.unit ? ` ${row.unit}` : ""}`;
+  return "";
+}
