@@ -17,11 +17,12 @@ struct Need {
     probe: &'static [&'static str],
 }
 
-const NEEDS: [Need; 4] = [
+const NEEDS: [Need; 5] = [
     Need { package: "python3", probe: &["python3", "--version"] },
     Need { package: "python3-venv", probe: &["python3", "-c", "import ensurepip, venv"] },
     Need { package: "mbpoll", probe: &["mbpoll", "-V"] },
     Need { package: "libmodbus5", probe: &["python3", "-c", "import ctypes; ctypes.CDLL('libmodbus.so.5')"] },
+    Need { package: "chromium", probe: &["chromium", "--version"] },
 ];
 
 /// Installs the Debian packages and the Python packages that are not there yet.

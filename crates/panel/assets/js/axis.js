@@ -46,6 +46,10 @@ function mountKnown(root, context) {
   const lamp = h("span", { class: "lamp", "aria-hidden": "true" });
   const word = h("strong", { role: "status", id: "state" });
   const where = h("span", { class: "number live", id: "place" });
+  const model = h("small", {});
+  // Which model it is, is known once it has been asked.
+  const name = () => setText(model, `${store.axisNamed(axis.name)?.model ?? axis.family.toUpperCase()} at ${axis.target}`);
+  name();
   const entries = Object.entries(PARTS).filter(([, [, , fits]]) => fits(axis)).map(([key, [label]]) => [key, label]);
   const go = (key) => context.navigate(`#/axis/${encodeURIComponent(axis.name)}/${key}`);
   const page = h("div", { class: "part", role: "tabpanel", "aria-label": PARTS[part]?.[0] ?? "Drive" });
@@ -54,7 +58,7 @@ function mountKnown(root, context) {
       h("div", { class: "grow" },
         h("div", { class: "row" }, h("h1", {}, axis.name),
           h("span", { class: `badge ${axis.virtual ? "virtual" : "real"}` }, axis.virtual ? "virtual" : "real: moves metal"),
-          h("small", {}, `${axis.model ?? axis.family.toUpperCase()} at ${axis.target}`)),
+          model),
         h("div", { class: "row" }, lamp, word, where)),
       h("div", { class: "row", role: "group", "aria-label": "Stop" },
         h("button", { type: "button", class: "stop big", id: "stop", title: "Brakes and holds (space bar)", onclick: () => context.stop(axis.name) }, "STOP"),
@@ -72,13 +76,13 @@ function mountKnown(root, context) {
     setClass(root, "stale", lost);
     setText(where, state && !(state.b & store.BIT.UNREAD) ? `${shown(state.p)} ${axis.unit}   ${shown(state.v)} ${axis.unit}/s` : "");
   };
-  const end = store.watch("states", update);
+  const ends = [store.watch("states", update), store.watch("axes", name)];
   const clock = setInterval(update, 250);
   const leave = mount(page, context);
   update();
   return () => {
     clearInterval(clock);
-    end();
+    for (const end of ends) end();
     leave();
     setClass(root, "stale", false);
   };

@@ -60,12 +60,12 @@ export function mountBake(root, context) {
   const make = () => {
     plot?.destroy();
     const grid = { stroke: colour("--plot-grid"), width: 1 };
-    const line = (label, stroke, dash) => ({ label, stroke, dash, width: 1.8, points: { show: false }, value: (_, value) => (value === null || value === undefined ? "–" : `${value.toFixed(1)} °C`) });
+    const line = (label, stroke, dash, paths) => ({ label, stroke, dash, paths, width: 1.8, points: { show: false }, value: (_, value) => (value === null || value === undefined ? "–" : `${value.toFixed(1)} °C`) });
     plot = new uPlot({
       width: Math.max(200, place.clientWidth), height: 280,
       scales: { y: { range: (_, low, high) => [Math.min(15, Math.floor(low ?? 15)), Math.max(40, Math.ceil((high ?? 40) * 1.05))] } },
       axes: [{ stroke: colour("--plot-axis"), grid, ticks: grid }, { stroke: colour("--plot-axis"), grid, ticks: grid, values: (_, ticks) => ticks.map((tick) => `${tick} °C`), size: 70 }],
-      series: [{}, line("motor", colour("--plot-speed")), line("set-point", colour("--plot-position"), [6, 4])],
+      series: [{}, line("motor", colour("--plot-speed")), line("set-point", colour("--plot-position"), [6, 4], uPlot.paths.stepped({ align: 1 }))],
     }, seen.get(axis.name) ?? [[], [], []], place);
   };
   make();
@@ -87,7 +87,7 @@ export function mountBake(root, context) {
   let drawn = 0;
   const stop = store.watch("focus", (now) => {
     setText(warm, now.q?.TMOT === undefined ? "–" : `${shown(now.q.TMOT, 1)} °C`);
-    const baking = Boolean(now.flags?.BAKE ?? now.flags?.["BAKE"]);
+    const baking = Boolean(now.flags?.BAKE);
     setText(mode, baking ? `baking, set-point ${shown(now.q?.BAKET, 0)} °C` : "not baking");
     show(Object.keys(now.flags ?? {}), now);
     const length = seen.get(axis.name)?.[0].length ?? 0;

@@ -79,10 +79,12 @@ function mountMoves(root, context) {
   };
 
   let timer;
+  let moving = false;
   const foresee = () => {
     clearTimeout(timer);
     timer = setTimeout(async () => {
-      if (!goal.value.trim()) return setText(preview, "");
+      // While it moves there is nothing to foresee: a plan begins where it stands.
+      if (!goal.value.trim() || moving) return setText(preview, "");
       try {
         const plan = await api("POST", ofAxis(axis.name, "/move"), { ...order("to"), dry_run: true });
         setText(preview, `to: ${planned(plan)}`);
@@ -107,11 +109,15 @@ function mountMoves(root, context) {
       h("button", { type: "button", id: "run-back", onclick: () => send("/run", { direction: "-", ...speedOnly() }) }, "◀ Run"),
       h("button", { type: "button", id: "run-forward", onclick: () => send("/run", { direction: "+", ...speedOnly() }) }, "Run ▶")),
     h("div", { class: "row" },
-      h("button", { type: "button", id: "home", onclick: () => send("/home", { direction: direction.value, ...speedOnly() }, `${axis.name} looks for home`) }, "Home"),
+      h("button", { type: "button", id: "home", title: "Looks for the switch at the speed that is given, or else at that of the jog slider",
+        onclick: () => send("/home", { direction: direction.value, speed: context.jogSpeed(), ...speedOnly() }, `${axis.name} looks for home`) }, "Home"),
       h("label", { class: "visually-hidden", for: "home-direction" }, "Direction of homing"), direction,
       h("button", { type: "button", id: "zero", onclick: () => send("/zero", {}, "This place is zero now") }, "Zero here"),
       h("button", { type: "button", id: "clear", onclick: () => send("/clear", {}, "Faults cleared, as far as their cause is gone") }, "Clear faults")));
   return store.watch("focus", (now) => {
     overrideRow.hidden = Boolean(now.b & store.BIT.TRUSTED);
+    const moves = Boolean(now.b & store.BIT.MOVING);
+    if (moves !== moving) foresee();
+    moving = moves;
   });
 }

@@ -23,6 +23,7 @@ export function mountJog(root, context) {
     slider.setAttribute("aria-valuetext", text.textContent);
   };
   slider.addEventListener("input", tell);
+  context.jogSpeed = speed;
   tell();
 
   let hold = null;

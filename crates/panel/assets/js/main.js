@@ -9,6 +9,9 @@ import { mountRig } from "./rig.js";
 import { mountTraffic } from "./traffic.js";
 
 const THEME = "stepdrive-theme";
+/** How long a notice stays. */
+const NOTICE_MS = 6000;
+const ERROR_MS = 15_000;
 const main = document.getElementById("main");
 const notices = document.getElementById("notices");
 
@@ -18,14 +21,15 @@ let unmount = () => {};
 /** The axis that the page is about, which the space bar stops. */
 let current = null;
 
-/** Tells the person something: "info", "error" or "good". An error stays until it is closed. */
+/** Tells the person something: "info", "error" or "good". What was told already and is still there is told anew. */
 export function notify(level, text) {
+  for (const told of [...notices.children]) if (told.querySelector("p").textContent === text) told.remove();
   const note = h("div", { class: `notice ${level}` },
     h("p", {}, text),
     h("button", { type: "button", class: "plain", "aria-label": "Close this notice", onclick: () => note.remove() }, "✕"));
   notices.append(note);
   while (notices.children.length > 5) notices.firstChild.remove();
-  if (level !== "error") setTimeout(() => note.remove(), 6000);
+  setTimeout(() => note.remove(), level === "error" ? ERROR_MS : NOTICE_MS);
 }
 
 /** Does something and tells when it fails. Answers what it gave, or undefined. */

@@ -100,8 +100,11 @@ function draw(axis, rig, [low, high], zero, key) {
     still.push(bar, label(Math.min(RIGHT - 20, Math.max(LEFT + 20, (from + to) / 2)), RAIL + 26, row.input, "m-name"));
     return [row.input, bar];
   });
-  still.push(label(x(zero), RAIL - 42, "0", "m-zero"), svg("line", { x1: x(zero), y1: RAIL - 38, x2: x(zero), y2: RAIL, class: "m-zero" }));
-  if (rig?.mark !== null && rig?.mark !== undefined) {
+  const marked = rig?.mark !== null && rig?.mark !== undefined;
+  // A mark that nobody has set lies at zero.
+  const markAtZero = marked && Math.abs(x(rig.mark) - x(zero)) < 1;
+  still.push(label(x(zero), RAIL - 42, markAtZero ? "0, mark" : "0", "m-zero"), svg("line", { x1: x(zero), y1: RAIL - 38, x2: x(zero), y2: RAIL, class: "m-zero" }));
+  if (marked && !markAtZero) {
     still.push(label(x(rig.mark), RAIL - 42, "mark", "m-mark"), svg("line", { x1: x(rig.mark), y1: RAIL - 38, x2: x(rig.mark), y2: RAIL, class: "m-mark" }));
   }
   const goal = svg("path", { d: "M0 -34 v34 M0 -34 l13 5 l-13 5", class: "m-target" }, svg("title", {}, "target"));

@@ -45,6 +45,11 @@ export function mountRig(root, context) {
     if (drive) act("PUT", drivePath(drive.name, "power"), { on: !drive.powered });
   } }, "Supply on");
   const words = h("p", { role: "status" });
+  const panelMode = h("select", { "aria-label": "Front panel" }, h("option", { value: "LA" }, "LA: commands over LAN"), h("option", { value: "bF" }, "bF: runs a program at power-up"));
+  const panelProgram = h("select", { "aria-label": "Program of the front panel" }, [0, 1, 2, 3].map((number) => h("option", { value: String(number) }, `program ${number}`)));
+  const panel = h("div", { class: "row", hidden: true }, h("h3", {}, "Front panel"), panelMode, panelProgram,
+    h("button", { type: "button", class: "small", id: "front-panel", onclick: () => act("PUT", drivePath(chosen, "panel"), { mode: panelMode.value, program: Number(panelProgram.value) }) }, "Set"),
+    h("small", {}, "It counts from the next power-up on."));
   const inputs = h("div", { class: "inputs" });
   const outputs = h("div", { class: "lights" });
   const faultRows = h("div", { class: "faults" });
@@ -53,7 +58,7 @@ export function mountRig(root, context) {
     h("div", { class: "grid" }, clock,
       h("section", { class: "card", "aria-label": "Inputs" }, h("h2", {}, "Inputs"),
         h("p", { class: "quiet" }, "Click a signal to force it; “release” gives it back to its switch or wire."), inputs,
-        h("h3", {}, "Outputs"), outputs),
+        h("h3", {}, "Outputs"), outputs, panel),
       h("section", { class: "card", "aria-label": "Faults" }, h("h2", {}, "Faults"), faultRows),
       h("section", { class: "card", "aria-label": "Wires" }, h("h2", {}, "Wires"), wires)));
 
@@ -64,6 +69,7 @@ export function mountRig(root, context) {
     rig = null;
     inputRows.clear();
     replace(inputs);
+    panel.hidden = store.axisNamed(chosen)?.family !== "smsd";
     showFaults();
     stream = follow(`/v1/events?drive=${encodeURIComponent(chosen ?? "")}&every=100ms`, { state: (event) => { rig = event; update(); } }, () => {}, SILENCE_MS);
   }

@@ -53,8 +53,11 @@ export function focus(name) {
   if (stream && focused === name) return;
   focused = name;
   latest = null;
+  open(name === null ? "" : `?focus=${encodeURIComponent(name)}`);
+}
+
+function open(query) {
   stream?.close();
-  const query = name === null ? "" : `?focus=${encodeURIComponent(name)}`;
   stream = follow(`/v1/axes/events${query}`, {
     axes: (event) => {
       axes = event.axes;
@@ -76,6 +79,8 @@ export function focus(name) {
       for (const tell of watchers.notice) tell(event);
     },
   }, (up, error) => {
+    // There is no such drive; the others are still to be seen.
+    if (error?.status === 422 && query) return open("");
     if (linked === up) return;
     linked = up;
     for (const tell of watchers.link) tell(up, error);

@@ -23,7 +23,7 @@ export function mountTraffic(root) {
     paused = !paused;
     pause.setAttribute("aria-pressed", String(paused));
     setText(pause, paused ? "Go on" : "Pause");
-    if (!paused) show();
+    show();
   } }, "Pause");
   const tell = h("p", { class: "quiet", role: "status", id: "traffic-state" });
   const body = h("tbody", {});

@@ -1,0 +1,158 @@
+"""The panel in a real browser: Debian's Chromium, driven by Playwright."""
+
+import contextlib
+import json
+import os
+import pathlib
+import subprocess
+
+from playwright.sync_api import Page, expect, sync_playwright
+
+from control import Control
+from rig import HOST, Rig
+
+CHROMIUM = "/usr/bin/chromium"
+# Without the flags of the network Chromium asks for hosts of its maker's; without a sandbox it runs as root, in CI.
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+
+# Where screenshots are kept, to be looked at.
+SHOTS = pathlib.Path(os.environ.get("PANEL_SHOTS", "target/panel"))
+
+RIG = """\
+[rig]
+clock = "real"
+api = "{host}:{api}"
+[[drive]]
+name = "stage"
+model = "SMSD-4.2LAN"
+modbus_tcp = "{host}:0"
+usb = "pty"
+[drive.mechanics]
+travel = [-100.0, 1900.0]
+start = 600.0
+[[drive.switch]]
+input = "SET_ZERO"
+closed = [-100.0, 0.0]
+[[drive.switch]]
+input = "IN1"
+closed = [1200.0, 1300.0]
+[[drive]]
+name = "uhv"
+model = "SMD3"
+serial_tcp = "{host}:0"
+[drive.mechanics]
+travel = [-2000.0, 2000.0]
+[[drive.switch]]
+input = "LIMIT_NEGATIVE"
+closed = [-2000.0, -1900.0]
+[[drive.switch]]
+input = "LIMIT_POSITIVE"
+closed = [1900.0, 2000.0]
+"""
+
+
+class PanelRig(Rig):
+    """A rig of both families with its panel."""
+
+    def __init__(self, folder: pathlib.Path, text: str = RIG):
+        self.folder = folder
+        self.process = None
+        self.panel = ""
+        self.drives = []
+        self.port = 0
+        (folder / "rig.toml").write_text(text.format(host=HOST, api=0))
+        self.text = text
+
+    def _announced(self, ready):
+        self.panel = ready["panel"]
+        self.drives = ready["drives"]
+        self.control = Control(ready["api"])
+        # Brought up again it is found where it was.
+        port = ready["api"].rsplit(":", 1)[1]
+        (self.folder / "rig.toml").write_text(self.text.format(host=HOST, api=port))
+
+    def drive(self, name: str) -> dict:
+        """A drive as its rig sees it, whatever the panel shows."""
+        return self.control.get(f"/v1/drives/{name}")
+
+    def speed(self, name: str) -> float:
+        """The true speed of a drive, in full steps a second."""
+        return self.drive(name)["speed"]
+
+
+@contextlib.contextmanager
+def chromium():
+    """A browser for all tests of a module."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+class Tab:
+    """A person's look at the panel. What the page complains of in its console fails the test."""
+
+    def __init__(self, browser, rig, **context):
+        context.setdefault("viewport", {"width": 1280, "height": 900})
+        self.context = browser.new_context(**context)
+        self.rig = rig
+        self.complaints = []
+        self.page = self._new_page()
+
+    def _new_page(self) -> Page:
+        page = self.context.new_page()
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("console", self._heard)
+        return page
+
+    def _heard(self, message):
+        # A refused request is told by the page itself; the browser's own line on it is no fault of the page.
+        if message.type == "error" and "Failed to load resource" not in message.text:
+            self.complaints.append(message.text)
+
+    def open(self, route: str = "#/") -> Page:
+        """Goes to a page of the panel, and waits until it is connected."""
+        self.page.goto(self.rig.panel + route)
+        expect(self.page.locator(".link")).to_have_text("connected")
+        return self.page
+
+    def shoot(self, name: str):
+        """Keeps a picture of what is seen."""
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.screenshot(path=SHOTS / f"{name}.png")
+
+    def close(self):
+        self.context.close()
+        assert self.complaints == []
+
+
+class RealPanel:
+    """`stepdrive panel` on the stage of a rig, which it takes for a real drive: it knows only where that is."""
+
+    def __init__(self, rig: PanelRig):
+        stage = rig.drives[0]["modbus_tcp"]
+        axis = f'[axis.bench]\nuri = "smsd+tcp://{stage}"\nunit = "mm"\nper_turn = 5.0\nlimits = [-5, 40]\n'
+        (rig.folder / "stepdrive.toml").write_text(axis + "steps_per_rev = 200\n")
+        command = [os.path.abspath(os.environ["STEPDRIVE"]), "panel", "--listen", f"{HOST}:0", "--json"]
+        environment = {**os.environ, "XDG_STATE_HOME": str(rig.folder / "trust")}
+        with open(rig.folder / "panel-stderr", "wb") as stderr:
+            self.process = subprocess.Popen(
+                command, cwd=rig.folder, env=environment, stdout=subprocess.PIPE, stderr=stderr
+            )
+        self.panel = json.loads(self.process.stdout.readline())["panel"]
+
+    def stop(self):
+        """Ends it as a person would; it must end well."""
+        self.process.terminate()
+        assert self.process.wait(10) == 0
+        self.process.stdout.close()
