@@ -22,7 +22,7 @@ const ARROWS: [(&str, &[&str]); 14] = [
     ("crates/panel", &["spec", "host", "asm", "rig", "web"]),
     ("crates/cli", &["spec", "rig", "asm", "server", "host", "panel", "web"]),
     ("crates/xtask", &["spec"]),
-    ("bench", &["spec", "motion", "proto", "drive", "rig", "asm", "server", "host"]),
+    ("bench", &["spec", "motion", "proto", "drive", "rig", "asm", "server", "host", "panel"]),
     ("fuzz", &["spec", "motion", "proto", "drive", "rig", "asm", "server"]),
 ];
 
