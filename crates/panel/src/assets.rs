@@ -32,6 +32,7 @@ assets! {
     "index.html"
     "js/axis.js"
     "js/bake.js"
+    "js/clock.js"
     "js/dom.js"
     "js/drive.js"
     "js/editor.js"

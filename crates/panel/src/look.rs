@@ -119,7 +119,9 @@ impl Looker {
         let member = Arc::clone(&self.member);
         let seldom = self.looks.is_multiple_of(SELDOM);
         self.looks = self.looks.wrapping_add(1);
-        member.hear_news();
+        if seldom {
+            member.hear_news();
+        }
         let began = Instant::now();
         let state = member.axis().state().await?;
         member.keep_trust(Kept::Looked);

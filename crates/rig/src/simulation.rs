@@ -5,6 +5,9 @@
 
 use crate::file::{DriveSection, SmsdSection};
 use crate::machine::Machine;
+use crate::names::shown;
+use alloc::format;
+use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::time::Duration;
 use stepdrive_drive::smsd::{Event, Memory, Place, Refusal, Smsd};
@@ -22,6 +25,45 @@ pub struct Signal {
     pub input: Input,
     /// Whether it comes or goes.
     pub present: bool,
+}
+
+/// Reads when signals come to an input of this name, capitals or not: `on`, `at:TIME` (from then on) or
+/// `at:TIME..TIME` (between), several parted by commas. `time` reads a TIME, as [`parse`](crate::duration::parse) does.
+///
+/// # Errors
+/// What is wrong with it, for people.
+pub fn signals<E: ToString>(
+    name: &str,
+    times: &str,
+    time: impl Fn(&str) -> Result<Duration, E>,
+) -> Result<Vec<Signal>, String> {
+    let input = Input::from_name(&name.to_ascii_uppercase());
+    let names = || Input::ALL.map(Input::name).join(", ");
+    let input = input.ok_or_else(|| format!("there is no input {}; there are {}", shown(name), names()))?;
+    let mut signals = Vec::new();
+    for part in times.split(',') {
+        let (from, to) = interval(part.trim(), &time)?;
+        signals.push(Signal { at: Instant::ZERO + from, input, present: true });
+        signals.extend(to.map(|to| Signal { at: Instant::ZERO + to, input, present: false }));
+    }
+    Ok(signals)
+}
+
+/// From when on there is a signal, and until when; `None` when it stays.
+fn interval<E: ToString>(
+    part: &str,
+    time: impl Fn(&str) -> Result<Duration, E>,
+) -> Result<(Duration, Option<Duration>), String> {
+    if part == "on" {
+        return Ok((Duration::ZERO, None));
+    }
+    let time = |text| time(text).map_err(|error| error.to_string());
+    let times = part.strip_prefix("at:");
+    let times = times
+        .ok_or_else(|| format!("`{}` is not on, at:TIME or at:TIME..TIME, as in at:2.5s", shown(part)))?;
+    let Some((from, to)) = times.split_once("..") else { return Ok((time(times)?, None)) };
+    let (from, to) = (time(from)?, time(to)?);
+    if from < to { Ok((from, Some(to))) } else { Err(format!("`{}` ends before it begins", shown(part))) }
 }
 
 /// Something that happened.
@@ -214,6 +256,40 @@ impl Iterator for Simulation {
             if let Some(what) = what {
                 return Some(Step { what, state });
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::duration::parse;
+    use alloc::vec;
+
+    #[test]
+    fn signals_come_on_from_a_time_on_and_between_two_times() {
+        let at = |milliseconds, present| Signal {
+            at: Instant::ZERO + Duration::from_millis(milliseconds),
+            input: Input::In1,
+            present,
+        };
+        assert_eq!(signals("IN1", "on", parse), Ok(vec![at(0, true)]));
+        assert_eq!(signals("in1", "at:2.5s", parse), Ok(vec![at(2500, true)]));
+        let twice = vec![at(1000, true), at(1500, false), at(3000, true)];
+        assert_eq!(signals("IN1", "at:1s..1500ms, at:3s", parse), Ok(twice));
+    }
+
+    #[test]
+    fn what_is_no_signal_is_refused_with_what_would_be() {
+        for (name, times, part) in [
+            ("IN9", "on", "no input IN9; there are IN0, IN1"),
+            ("IN1", "soon", "`soon` is not on, at:TIME"),
+            ("IN1", "at:2s..1s", "ends before it begins"),
+            ("IN1", "at:2fortnights", "ms"),
+            ("IN1", "", "at:TIME"),
+        ] {
+            let message = signals(name, times, parse).expect_err(times);
+            assert!(message.contains(part), "{times}: {message}");
         }
     }
 }

@@ -9,7 +9,7 @@ use serde_json::json;
 use std::time::Duration;
 use stepdrive_host::Error;
 use stepdrive_host::smd3::Smd3Client;
-use stepdrive_spec::smd3::commands::{Command, Mode};
+use stepdrive_spec::smd3::commands::Command;
 use stepdrive_spec::smd3::flags::{ERROR_FLAGS, StatusFlag};
 use tokio::time::Instant;
 
@@ -73,7 +73,7 @@ pub(crate) fn bake(args: &BakeArgs) -> Result<(), Failure> {
                 "--for says how long to bake, and `off` ends it; leave one of the two out".to_owned(),
             )),
             (Setpoint::Celsius(celsius), None) => {
-                begin(client, celsius).await?;
+                client.start_bake(celsius).await?;
                 told(opened, client, &format!("bakes towards {celsius} °C"), true, args).await
             }
             (Setpoint::Celsius(celsius), Some(duration)) => {
@@ -85,16 +85,6 @@ pub(crate) fn bake(args: &BakeArgs) -> Result<(), Failure> {
     })
 }
 
-/// Begins to bake.
-async fn begin(client: &Smd3Client, celsius: u16) -> Result<(), Error> {
-    let begun = client.start_bake(celsius).await;
-    if begun.is_err() && matches!(client.mode().await, Ok(Mode::Bake)) {
-        // The mode was set before the drive refused; why it did counts more than whether this succeeds.
-        let _ = client.set_mode(Mode::Remote).await;
-    }
-    begun
-}
-
 /// Bakes for a while.
 async fn bake_for(
     opened: &Opened,
@@ -103,7 +93,7 @@ async fn bake_for(
     duration: Duration,
 ) -> Result<(), Failure> {
     let mut interrupts = Interrupts::catch()?;
-    begin(client, celsius).await?;
+    client.start_bake(celsius).await?;
     let began = Instant::now();
     let kept = tokio::select! {
         kept = keep(opened, client, began, duration) => Some(kept),

@@ -1,9 +1,7 @@
 //! What `program run` is told about its inputs: `IN1=at:2.5s`.
 
 use std::time::Duration;
-use stepdrive_rig::simulation::Signal;
-use stepdrive_spec::smsd::inputs::Input;
-use stepdrive_spec::time::Instant;
+use stepdrive_rig::simulation::{self, Signal};
 
 /// The signals of one `--input`.
 #[derive(Clone, Debug)]
@@ -12,27 +10,7 @@ pub(super) struct Signals(pub(super) Vec<Signal>);
 /// Reads `NAME=on`, `NAME=at:TIME` (from then on) or `NAME=at:TIME..TIME` (between), several parted by commas.
 pub(super) fn signals(text: &str) -> Result<Signals, String> {
     let (name, times) = text.split_once('=').ok_or("it is NAME=at:TIME, as in IN1=at:2.5s")?;
-    let names = || Input::ALL.map(Input::name).join(", ");
-    let input = Input::from_name(&name.to_ascii_uppercase());
-    let input = input.ok_or_else(|| format!("there is no input {name}; there are {}", names()))?;
-    let mut signals = Vec::new();
-    for part in times.split(',') {
-        let (from, to) = interval(part)?;
-        signals.push(Signal { at: Instant::ZERO + from, input, present: true });
-        signals.extend(to.map(|to| Signal { at: Instant::ZERO + to, input, present: false }));
-    }
-    Ok(Signals(signals))
-}
-
-fn interval(part: &str) -> Result<(Duration, Option<Duration>), String> {
-    if part == "on" {
-        return Ok((Duration::ZERO, None));
-    }
-    let times =
-        part.strip_prefix("at:").ok_or_else(|| format!("`{part}` is not on, at:TIME or at:TIME..TIME"))?;
-    let Some((from, to)) = times.split_once("..") else { return Ok((time(times)?, None)) };
-    let (from, to) = (time(from)?, time(to)?);
-    if from < to { Ok((from, Some(to))) } else { Err(format!("`{part}` ends before it begins")) }
+    simulation::signals(name, times, time).map(Signals)
 }
 
 /// Reads a time: `500ms`, `2.5s`, `10min`, `1h`; a bare number is in seconds.
@@ -55,17 +33,14 @@ pub(super) fn time(text: &str) -> Result<Duration, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn at(milliseconds: u64, present: bool) -> Signal {
-        Signal { at: Instant::ZERO + Duration::from_millis(milliseconds), input: Input::In1, present }
-    }
+    use stepdrive_spec::smsd::inputs::Input;
+    use stepdrive_spec::time::Instant;
 
     #[test]
-    fn signals_come_on_from_a_time_on_and_between_two_times() {
-        assert_eq!(signals("IN1=on").expect("valid").0, [at(0, true)]);
-        assert_eq!(signals("in1=at:2.5s").expect("valid").0, [at(2500, true)]);
-        let twice = [at(1000, true), at(1500, false), at(3000, true)];
-        assert_eq!(signals("IN1=at:1s..1500ms,at:3s").expect("valid").0, twice);
+    fn a_name_and_when_are_parted_by_an_equals_sign() {
+        let at = |at, present| Signal { at: Instant::ZERO + at, input: Input::In1, present };
+        let both = [at(Duration::from_secs(1), true), at(Duration::from_millis(1500), false)];
+        assert_eq!(signals("in1=at:1..1500ms").expect("valid").0, both);
     }
 
     #[test]
@@ -73,8 +48,6 @@ mod tests {
         for (text, part) in [
             ("IN1", "NAME=at:TIME"),
             ("IN9=on", "there are IN0, IN1"),
-            ("IN1=soon", "is not on, at:TIME"),
-            ("IN1=at:2s..1s", "ends before it begins"),
             ("IN1=at:2fortnights", "us, ms, s, min or h"),
             ("IN1=at:", "is no time"),
             ("IN1=at:1e9s", "us, ms, s, min or h"),

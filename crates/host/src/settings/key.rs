@@ -44,16 +44,6 @@ const SMSD: [Reg; 11] = [
 const SMSD_GROUPS: [(&str, Reg); 3] =
     [("Motion", Reg::MinSpeed), ("Motor", Reg::CurrentOrVoltage), ("Inputs", Reg::Mask)];
 
-/// The same in an SMD3, as in the manual's quick reference.
-const SMD3_GROUPS: [(&str, Command); 6] = [
-    ("General", Command::Ser),
-    ("Motor", Command::Tsel),
-    ("Limit inputs", Command::L),
-    ("Profile", Command::Amax),
-    ("Step and direction", Command::Edge),
-    ("Bake", Command::Baket),
-];
-
 /// Those of an SMD3 that a new resolution rounds anew.
 const SHAPED_BY_RES: [Command; 5] =
     [Command::Amax, Command::Dmax, Command::Vstart, Command::Vstop, Command::Vmax];
@@ -100,13 +90,12 @@ impl Key {
 
     /// What it belongs to, as in `Motor`.
     pub fn group(self) -> &'static str {
-        let name = match self {
-            Key::Smsd(reg) => SMSD_GROUPS.iter().rfind(|(_, first)| reg >= *first).map(|(name, _)| *name),
-            Key::Smd3(command) => {
-                SMD3_GROUPS.iter().rfind(|(_, first)| command >= *first).map(|(name, _)| *name)
+        match self {
+            Key::Smsd(reg) => {
+                SMSD_GROUPS.iter().rfind(|(_, first)| reg >= *first).map_or("", |(name, _)| *name)
             }
-        };
-        name.unwrap_or_default()
+            Key::Smd3(command) => command.section(),
+        }
     }
 
     /// Where the maker tells of it.

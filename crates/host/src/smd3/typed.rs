@@ -172,10 +172,19 @@ impl Smd3Client {
     /// Bakes: mode Bake, the temperature in °C to be kept, `RUNB`. The motor must be in standby.
     ///
     /// # Errors
-    /// See [`Smd3Client`]. Where `RUNB` is refused the drive is in mode Bake and does not bake.
+    /// See [`Smd3Client`]. Where something is refused after mode Bake was set, the drive is set back to mode Remote.
     pub async fn start_bake(&self, celsius: u16) -> Result<(), Error> {
         let setpoint = Value::Uint(celsius.into());
         super::words::check(&Request { command: Command::Baket, argument: Some(setpoint) })?;
+        let begun = self.enter_bake(setpoint).await;
+        if begun.is_err() && matches!(self.mode().await, Ok(Mode::Bake)) {
+            // Why it did not begin counts more than whether this succeeds.
+            let _ = self.set_mode(Mode::Remote).await;
+        }
+        begun
+    }
+
+    async fn enter_bake(&self, setpoint: Value) -> Result<(), Error> {
         self.set_mode(Mode::Bake).await?;
         self.set(Command::Baket, setpoint).await?;
         self.act(Command::Runb).await

@@ -5,6 +5,7 @@
 //! does not try again for a while, so that others can get in.
 
 use super::options::{SmsdOptions, WordOrder, halves};
+use super::passwords::Passwords;
 use super::session::{Session, Trouble};
 use crate::Error;
 use std::time::Duration;
@@ -15,12 +16,6 @@ use tokio::time::{Instant, sleep_until};
 
 /// The lock-out, and what the way there and back may differ by.
 const LOCKOUT: Duration = AUTHORISATION_LOCKOUT.saturating_add(Duration::from_millis(50));
-/// For how long a refused password is not tried again.
-const REFUSAL_STANDS: Duration = Duration::from_secs(10);
-
-/// Most passwords remembered to which a change was not answered.
-const MOST_DOUBTS: usize = 4;
-
 /// Value of `Password_CMD`: authorise.
 const AUTHORISE: u16 = 0;
 
@@ -51,17 +46,13 @@ impl std::fmt::Debug for Attempt {
 /// What is needed to log in, and what has been learnt by it.
 pub(super) struct Login {
     pub(super) standing: Standing,
-    password: u64,
-    /// Other passwords that may be the right one, the latest first: a change to them was not answered.
-    others: Vec<u64>,
+    pub(super) passwords: Passwords,
     /// Given, or found.
     order: Option<WordOrder>,
     /// The password and the word order have been accepted once.
     accepted: bool,
     /// No attempt before.
     not_before: Option<Instant>,
-    /// The password was refused; until then it is not tried again.
-    refused_until: Option<Instant>,
 }
 
 impl std::fmt::Debug for Login {
@@ -78,12 +69,10 @@ impl Login {
     pub(super) fn new(options: &SmsdOptions) -> Login {
         Login {
             standing: Standing::Outside,
-            password: options.password,
-            others: Vec::new(),
+            passwords: Passwords::new(options.password),
             order: options.word_order,
             accepted: false,
             not_before: None,
-            refused_until: None,
         }
     }
 
@@ -92,46 +81,26 @@ impl Login {
         self.order
     }
 
-    /// The password in force, as far as is known.
-    pub(super) fn password(&self) -> u64 {
-        self.password
-    }
-
-    /// This password may come into force, now or later.
-    pub(super) fn may_change_to(&mut self, password: u64) {
-        if !self.others.contains(&password) {
-            self.others.truncate(MOST_DOUBTS - 1);
-            self.others.insert(0, password);
-        }
-    }
-
-    /// This password is in force.
-    pub(super) fn has_changed_to(&mut self, password: u64) {
-        self.others.retain(|other| *other != password);
-        self.password = password;
-    }
-
     /// What to try, in turn. The word order is part of the question until it is known. All is tried at least twice, since
     /// an attempt within somebody else's lock-out is refused whatever it is.
     fn attempts(&self) -> Vec<Attempt> {
         let first = self.order.unwrap_or(WordOrder::LowFirst);
         let orders = if self.order.is_some() { vec![first] } else { vec![first, first.other()] };
-        let passwords = || [self.password].into_iter().chain(self.others.iter().copied());
         let round = || {
-            passwords()
-                .flat_map(|password| orders.iter().map(move |order| Attempt { password, order: *order }))
+            let passwords = self.passwords.in_turn().into_iter();
+            passwords.flat_map(|password| orders.iter().map(move |order| Attempt { password, order: *order }))
         };
         round().chain(round()).collect()
     }
 
     fn is_same_in_either_order(&self) -> bool {
-        halves(self.password).into_iter().all(|half| half.rotate_left(16) == half)
+        halves(self.passwords.current()).into_iter().all(|half| half.rotate_left(16) == half)
     }
 
     fn admit(&mut self, attempt: Attempt) {
         self.standing = Standing::Inside;
         self.order = Some(attempt.order);
-        self.has_changed_to(attempt.password);
+        self.passwords.has_changed_to(attempt.password);
         self.accepted = true;
         self.not_before = None;
     }
@@ -149,7 +118,7 @@ impl Session {
         match self.try_to_log_in().await {
             Ok(true) => Ok(()),
             Ok(false) => {
-                self.login.refused_until = Some(Instant::now() + REFUSAL_STANDS);
+                self.login.passwords.refuse();
                 Err(Trouble::Told(self.refused()))
             }
             Err(Trouble::Unanswered(lost)) => Err(Trouble::NotSent(lost.cause)),
@@ -159,7 +128,7 @@ impl Session {
     }
 
     async fn try_to_log_in(&mut self) -> Result<bool, Trouble> {
-        if self.login.refused_until.is_some_and(|until| Instant::now() < until) {
+        if self.login.passwords.are_refused() {
             return Ok(false);
         }
         if self.login.order.is_none() && self.login.is_same_in_either_order() {

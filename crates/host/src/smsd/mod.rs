@@ -27,6 +27,7 @@ mod login;
 mod modbus;
 mod network;
 mod options;
+mod passwords;
 mod program;
 mod registers;
 mod session;

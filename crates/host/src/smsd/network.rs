@@ -8,9 +8,9 @@ use crate::Error;
 use stepdrive_spec::smsd::registers::Reg;
 
 /// Value of `DHCP`: the address is static.
-const STATIC: i64 = 1;
+pub(super) const STATIC: u8 = 1;
 /// Value of `DHCP`: the address comes from a DHCP server.
-const FROM_SERVER: i64 = 2;
+pub(super) const FROM_SERVER: u8 = 2;
 
 /// The LAN parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,11 +42,7 @@ impl SmsdClient {
         let slots = parameters();
         let values = self.read_run(Run { slots: &slots }).await?;
         if let Some((slot, value)) = slots.iter().zip(&values).find(|(slot, value)| !can_be(slot, **value)) {
-            return Err(Error::Device(format!(
-                "{slot} of {} reads {value}, and it can be {}; write another value to it",
-                self.name().await,
-                slot.takes(None)
-            )));
+            return Err(out_of_range(slot, *value, &self.name().await));
         }
         let value = |reg: Reg, index: u16| {
             let mut found = slots.iter().zip(&values);
@@ -62,7 +58,7 @@ impl SmsdClient {
             gateway: address(Reg::LanGateway),
             dns: address(Reg::LanDns),
             port: u16::try_from(value(Reg::LanPort, 0)).unwrap_or(0),
-            dhcp: value(Reg::LanDhcp, 0) == FROM_SERVER,
+            dhcp: value(Reg::LanDhcp, 0) == i64::from(FROM_SERVER),
         })
     }
 
@@ -79,7 +75,7 @@ impl SmsdClient {
         if found == (LanParameters { id: lan.id.or(found.id), ..*lan }) {
             return Ok(());
         }
-        Err(Error::Differs(format!("the LAN parameters were written as {lan:?} and read {found:?}")))
+        Err(differ(lan, &found))
     }
 
     /// Stores the LAN parameters and puts them into effect: the controller closes all connections. From then on this
@@ -98,6 +94,17 @@ impl SmsdClient {
         }
         Ok(())
     }
+}
+
+/// A parameter of the controller `name` reads as what it cannot be.
+pub(super) fn out_of_range(slot: &Slot, value: i64, name: &str) -> Error {
+    let takes = slot.takes(None);
+    Error::Device(format!("{slot} of {name} reads {value}, and it can be {takes}; write another value to it"))
+}
+
+/// The parameters do not read as they were written.
+pub(super) fn differ(written: &LanParameters, found: &LanParameters) -> Error {
+    Error::Differs(format!("the LAN parameters were written as {written:?} and read {found:?}"))
 }
 
 fn parameters() -> Vec<Slot> {
@@ -120,7 +127,7 @@ fn value_of(lan: &LanParameters, slot: Slot) -> i64 {
         (Reg::LanGateway, octet(&lan.gateway)),
         (Reg::LanDns, octet(&lan.dns)),
         (Reg::LanPort, lan.port.into()),
-        (Reg::LanDhcp, if lan.dhcp { FROM_SERVER } else { STATIC }),
+        (Reg::LanDhcp, i64::from(if lan.dhcp { FROM_SERVER } else { STATIC })),
     ];
     rows.iter().find(|(reg, _)| *reg == slot.row.id).map_or(0, |(_, value)| *value)
 }

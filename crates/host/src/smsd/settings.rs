@@ -136,17 +136,17 @@ impl SmsdClient {
             let Trouble::Unanswered(lost) = trouble else { return Err(trouble) };
             return Err(Trouble::NotSent(lost.cause));
         }
-        session.login.may_change_to(password);
+        session.login.passwords.may_change_to(password);
         let address = Reg::PasswordCmd.info().address;
         session.exchange(&Request::WriteRegister { address, value: CHANGE }).await?;
-        session.login.has_changed_to(password);
+        session.login.passwords.has_changed_to(password);
         Ok(())
     }
 
     async fn see_which_is_in_force(&self, password: u64, lost: Lost) -> Result<(), Error> {
         self.close().await;
         let state = match self.log_in().await {
-            Ok(()) if self.session.lock().await.login.password() == password => return Ok(()),
+            Ok(()) if self.session.lock().await.login.passwords.current() == password => return Ok(()),
             Ok(()) => format!("the password before is in force{}", self.but(&lost).await),
             Err(error) => format!("which password is in force could not be found out ({error})"),
         };

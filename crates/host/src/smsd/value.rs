@@ -2,6 +2,7 @@
 
 use super::options::WordOrder;
 use crate::Error;
+use crate::settings::unit;
 use std::fmt;
 use std::iter;
 use stepdrive_spec::modbus::{Reply, Request, Table, Words};
@@ -114,16 +115,6 @@ impl fmt::Display for Slot {
             Some((before, after)) => write!(f, "{before}{}{after}", self.index),
             None => f.write_str(self.row.name),
         }
-    }
-}
-
-/// A unit of the tables behind a number, with its space: steps in the plural, and multiples of something with a cross.
-pub(super) fn unit(unit: &str) -> String {
-    match unit.split_once("step") {
-        _ if unit.is_empty() => String::new(),
-        _ if unit.starts_with(|first: char| first.is_ascii_digit()) => format!(" × {unit}"),
-        Some((before, after)) => format!(" {before}steps{after}"),
-        None => format!(" {unit}"),
     }
 }
 

@@ -2,7 +2,6 @@
 
 mod language;
 mod memory;
-mod signals;
 mod simulate;
 
 pub(crate) use language::language;

@@ -1,6 +1,5 @@
 //! A program tried out on virtual time.
 
-use super::signals::signals;
 use super::{Program, model};
 use crate::Shared;
 use crate::api::{ThePanel, find};
@@ -12,7 +11,7 @@ use std::time::Duration;
 use stepdrive_asm::bare;
 use stepdrive_rig::duration;
 use stepdrive_rig::file::{DEMO, DriveSection, RigFile, SmsdSection};
-use stepdrive_rig::simulation::{End, Signal, Simulation, State as Moment, Step, What};
+use stepdrive_rig::simulation::{End, Signal, Simulation, State as Moment, Step, What, signals};
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::{Instruction, PROGRAM_AREAS};
 use stepdrive_spec::time::Instant as SimTime;
@@ -106,7 +105,7 @@ impl Trial {
         }
         let mut all = Vec::new();
         for (name, times) in &asked.inputs {
-            all.extend(signals(name, times).map_err(Problem::impossible)?);
+            all.extend(signals(name, times, duration::parse).map_err(Problem::impossible)?);
         }
         let program = Program::new(asked.text, Some(smsd.model));
         program.image()?;

@@ -328,12 +328,30 @@ commands! {
     Baket => setting("BAKET", Kind::Uint, 150.0).within(0.0, 200.0).unit("°C").note("ASSUMED range and default");
 }
 
+/// The sections of the manual's quick reference, in its order: a name, and the first command in it. Settings stand in all
+/// but Movement.
+pub const SECTIONS: [(&str, Command); 7] = [
+    ("General", Command::Ser),
+    ("Movement", Command::Runv),
+    ("Motor", Command::Tsel),
+    ("Limit inputs", Command::L),
+    ("Profile", Command::Amax),
+    ("Step and direction", Command::Edge),
+    ("Bake", Command::Baket),
+];
+
 impl Command {
     /// Its row of the table.
     pub fn info(self) -> &'static CommandInfo {
         let [first, ..] = &COMMANDS;
         // The enum numbers the rows, so the lookup always succeeds; a table test holds that.
         COMMANDS.get(usize::from(self as u8)).unwrap_or(first)
+    }
+
+    /// The section of the manual's quick reference that it stands in.
+    pub fn section(self) -> &'static str {
+        let [(general, _), ..] = SECTIONS;
+        SECTIONS.iter().rfind(|(_, first)| self >= *first).map_or(general, |(name, _)| *name)
     }
 
     /// The command with this mnemonic, in capitals or not.

@@ -2,7 +2,7 @@
 
 use super::page;
 use std::fmt::Write;
-use stepdrive_spec::smd3::commands::{Access, COMMANDS, Command, CommandInfo, Kind};
+use stepdrive_spec::smd3::commands::{Access, COMMANDS, Command, CommandInfo, Kind, SECTIONS};
 use stepdrive_spec::smd3::errors::Error;
 use stepdrive_spec::smd3::flags::{ERROR_FLAGS, FlagInfo, STATUS_FLAGS};
 use stepdrive_spec::smd3::units::{Grid, RESOLUTIONS, acceleration, vmax, vstart};
@@ -43,26 +43,13 @@ const HEADS: [&str; 11] =
 const FLAG_HEADS: [&str; 4] = ["Bit", "Mask", "Name", "About"];
 const ERROR_HEADS: [&str; 2] = ["Number", "As it is answered"];
 
-/// The sections of the page, as in the manual's quick reference: a name, and the first command in it.
-const SECTIONS: [(&str, Command); 7] = [
-    ("General", Command::Ser),
-    ("Movement", Command::Runv),
-    ("Motor", Command::Tsel),
-    ("Limit inputs", Command::L),
-    ("Profile", Command::Amax),
-    ("Step and direction", Command::Edge),
-    ("Bake", Command::Baket),
-];
-
 /// The whole page.
 pub(super) fn page() -> String {
     let mut text = page::start("Commands of the SMD3", "`crates/spec/src/smd3/`", ABOUT);
     text.push_str("\n## Commands\n");
     text.push_str(COMMANDS_ABOUT);
-    let ends = SECTIONS.iter().skip(1).map(|(_, first)| Some(*first)).chain([None]);
-    for ((name, first), end) in SECTIONS.iter().zip(ends) {
-        let is_in = |row: &&CommandInfo| row.command >= *first && end.is_none_or(|end| row.command < end);
-        let rows = COMMANDS.iter().filter(is_in).map(cells);
+    for (name, _) in SECTIONS {
+        let rows = COMMANDS.iter().filter(|row| row.command.section() == name).map(cells);
         // Writing to a String cannot fail.
         let _ = write!(text, "\n### {name}\n{}", page::table(&HEADS, rows));
     }

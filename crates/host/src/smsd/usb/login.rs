@@ -5,6 +5,7 @@
 
 use super::session::{Session, Trouble};
 use crate::Error;
+use crate::smsd::passwords::Passwords;
 use std::fmt;
 use std::time::Duration;
 use stepdrive_spec::smsd::standard::{AUTHORISATION_REST, Code, Reply, Request};
@@ -16,23 +17,14 @@ const REST: Duration = AUTHORISATION_REST.saturating_add(Duration::from_millis(5
 /// comes too early start it anew, all of it.
 const RESTS: [Duration; 6] =
     [Duration::from_millis(350), Duration::from_millis(350), Duration::from_millis(350), REST, REST, REST];
-/// For how long a refused password is not tried again.
-const REFUSAL_STANDS: Duration = Duration::from_secs(10);
-
-/// Most passwords remembered to which a change was not answered.
-const MOST_DOUBTS: usize = 4;
 
 /// What is needed to log in.
 pub(super) struct Login {
     /// The connection is logged in.
     pub(super) inside: bool,
-    password: u64,
-    /// Other passwords that may be the right one, the latest first: a change to them was not answered.
-    others: Vec<u64>,
+    pub(super) passwords: Passwords,
     /// No attempt before.
     not_before: Option<Instant>,
-    /// The password was refused; until then it is not tried again.
-    refused_until: Option<Instant>,
 }
 
 impl fmt::Debug for Login {
@@ -43,33 +35,7 @@ impl fmt::Debug for Login {
 
 impl Login {
     pub(super) fn new(password: u64) -> Login {
-        Login { inside: false, password, others: Vec::new(), not_before: None, refused_until: None }
-    }
-
-    /// The password in force, as far as is known.
-    pub(super) fn password(&self) -> u64 {
-        self.password
-    }
-
-    /// This password may come into force, now or later; also when it is thought to be in force, since it may turn out that
-    /// another one is.
-    pub(super) fn may_change_to(&mut self, password: u64) {
-        if !self.others.contains(&password) {
-            self.others.truncate(MOST_DOUBTS - 1);
-            self.others.insert(0, password);
-        }
-    }
-
-    /// This password is in force.
-    pub(super) fn has_changed_to(&mut self, password: u64) {
-        self.others.retain(|other| *other != password);
-        self.password = password;
-    }
-
-    /// What to try, in turn.
-    fn passwords(&self) -> Vec<u64> {
-        let others = self.others.iter().copied().filter(|other| *other != self.password);
-        [self.password].into_iter().chain(others).collect()
+        Login { inside: false, passwords: Passwords::new(password), not_before: None }
     }
 }
 
@@ -79,7 +45,7 @@ impl Session {
         match self.try_to_log_in().await {
             Ok(true) => Ok(()),
             Ok(false) => {
-                self.login.refused_until = Some(Instant::now() + REFUSAL_STANDS);
+                self.login.passwords.refuse();
                 Err(Trouble::Told(Error::NotAuthorised(format!(
                     "{} does not accept the password; nothing else was sent",
                     self.name()
@@ -93,16 +59,16 @@ impl Session {
     }
 
     async fn try_to_log_in(&mut self) -> Result<bool, Trouble> {
-        if self.login.refused_until.is_some_and(|until| Instant::now() < until) {
+        if self.login.passwords.are_refused() {
             return Ok(false);
         }
-        for password in self.login.passwords() {
+        for password in self.login.passwords.in_turn() {
             if let Some(at) = self.login.not_before {
                 sleep_until(at).await;
             }
             if self.attempt(password).await? {
                 self.login.inside = true;
-                self.login.has_changed_to(password);
+                self.login.passwords.has_changed_to(password);
                 self.login.not_before = None;
                 return Ok(true);
             }

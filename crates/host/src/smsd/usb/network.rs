@@ -5,16 +5,11 @@ use super::registers::{can_be, in_words};
 use super::table::{Octets, Place, Sink, source};
 use super::trouble::Asked;
 use crate::Error;
-use crate::smsd::network::LanParameters;
+use crate::smsd::network::{FROM_SERVER, LanParameters, STATIC, differ, out_of_range};
 use crate::smsd::snapshot::between;
 use crate::smsd::value::Slot;
 use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::standard::{self, Request};
-
-/// Value of `DHCP`: the address is static.
-const STATIC: u8 = 1;
-/// Value of `DHCP`: the address comes from a DHCP server.
-const FROM_SERVER: u8 = 2;
 
 impl SmsdUsbClient {
     /// The LAN parameters.
@@ -22,11 +17,7 @@ impl SmsdUsbClient {
         let mut lan = self.lan().await?;
         if let Some((slot, value)) = values(&mut lan).into_iter().find(|(slot, value)| !can_be(*slot, *value))
         {
-            return Err(Error::Device(format!(
-                "{slot} of {} reads {value}, and it can be {}; write another value to it",
-                self.called().await,
-                slot.takes(None)
-            )));
+            return Err(out_of_range(&slot, value, &self.called().await));
         }
         Ok(typed(&lan))
     }
@@ -48,8 +39,7 @@ impl SmsdUsbClient {
         if found == wanted {
             return Ok(());
         }
-        let (wanted, found) = (typed(&wanted), typed(&found));
-        Err(Error::Differs(format!("the LAN parameters were written as {wanted:?} and read {found:?}")))
+        Err(differ(&typed(&wanted), &typed(&found)))
     }
 
     /// Changes some of the LAN parameters.

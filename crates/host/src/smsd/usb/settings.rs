@@ -73,10 +73,10 @@ impl SmsdUsbClient {
     /// that leaves a doubt, the client knows both from then on, and tries the new one when the old one is refused.
     pub(super) async fn set_password(&self, password: u64) -> Result<(), Error> {
         let _turn = self.whole.lock().await;
-        self.session.lock().await.login.may_change_to(password);
+        self.session.lock().await.login.passwords.may_change_to(password);
         match self.ask(&Request::SetPassword(password), Manner::ONCE).await {
             Ok(_) => {
-                self.session.lock().await.login.has_changed_to(password);
+                self.session.lock().await.login.passwords.has_changed_to(password);
                 Ok(())
             }
             Err(Trouble::Unanswered(lost)) => self.see_which_is_in_force(password, lost).await,
@@ -90,7 +90,7 @@ impl SmsdUsbClient {
     async fn see_which_is_in_force(&self, password: u64, lost: Lost) -> Result<(), Error> {
         self.session.lock().await.wire.close();
         let state = match self.enter().await {
-            Ok(()) if self.session.lock().await.login.password() == password => return Ok(()),
+            Ok(()) if self.session.lock().await.login.passwords.current() == password => return Ok(()),
             Ok(()) => format!("the password before is in force{}", self.but(lost.connection).await),
             Err(error) => format!("which password is in force could not be found out ({error})"),
         };
