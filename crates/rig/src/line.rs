@@ -274,7 +274,7 @@ pub const LINE_FAULTS: &[LineFault] = &[
         name: "reply-id",
         settings: OFTEN,
         family: Some(Family::Smsd),
-        about: "replies have a wrong transaction identifier",
+        about: "replies have a wrong transaction identifier; packets, a wrong identification",
         set: |faults, words| set_chance(&mut faults.wrong_id, words),
         off: |faults| faults.wrong_id = Chance::NEVER,
         get: |faults| often(faults.wrong_id),

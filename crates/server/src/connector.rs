@@ -1,6 +1,6 @@
 //! Connections to drives from within this process.
 
-use crate::drive::Drive;
+use crate::drive::{Drive, Reach};
 use crate::lines::Lines;
 use crate::modbus::Modbus;
 use crate::packets::Standard;
@@ -13,6 +13,7 @@ use std::io::{self, ErrorKind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use stepdrive_spec::smsd::standard::Firmware;
 use tokio::io::{AsyncRead, AsyncWrite, DuplexStream, duplex};
+use tokio::sync::watch;
 use tokio::task::JoinSet;
 
 /// Bytes that wait on the way to a drive, and on the way back, before whoever sends more has to wait.
@@ -104,9 +105,11 @@ impl Live {
             let message = format!("{name} cannot be reached: it is without its supply, or its line is cut");
             return Err(io::Error::new(ErrorKind::ConnectionRefused, message));
         }
+        // From here on, and not from when the task begins.
+        let line = station.drive().watch();
         let (ours, theirs) = duplex(ROOM);
         while self.tasks.try_join_next().is_some() {}
-        self.tasks.spawn(station.clone().serve(ours));
+        self.tasks.spawn(station.clone().serve(ours, line));
         Ok(theirs)
     }
 }
@@ -128,8 +131,7 @@ impl Station {
     }
 
     /// Serves a connection until the client leaves, or the drive cannot be reached any more.
-    async fn serve(self, stream: DuplexStream) {
-        let mut line = self.drive().watch();
+    async fn serve(self, stream: DuplexStream, mut line: watch::Receiver<Reach>) {
         let outages = line.borrow_and_update().outages;
         tokio::select! {
             () = self.converse(stream) => {}

@@ -9,11 +9,14 @@ use crate::tcp::Host;
 use crate::traffic::Peer;
 use std::sync::Arc;
 use std::time::Duration;
-use stepdrive_proto::smd3::LineReader;
+use stepdrive_proto::smd3::{LineReader, MAX_LINE};
 use tokio::io::{AsyncRead, AsyncWrite};
 
 /// A client over TCP that does not take its replies is disconnected after this time.
 const UNREAD_REPLY_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// The most bytes that are kept of a line that does not end: more than any line has, so that those are too many as well.
+const MOST_BEGUN: usize = 4 * MAX_LINE;
 
 /// An SMD3, which takes lines.
 #[derive(Clone)]
@@ -95,7 +98,10 @@ impl Conversation for LineConversation {
                     begun
                 }
             };
-            let Some(line) = line else { return Next::Listen };
+            let Some(line) = line else {
+                self.begun.iter_mut().for_each(|begun| begun.truncate(MOST_BEGUN));
+                return Next::Listen;
+            };
             let heard = self.station.hear(self.number, &mut self.talk, raw, line, &mut self.reply).await;
             if heard == Heard::Cut {
                 return Next::End;

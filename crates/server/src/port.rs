@@ -140,6 +140,6 @@ async fn serve_clients_of(port: &mut Pty, party: &impl Party) -> Result<Infallib
         // A port is patient: what its client does not read waits until it closes. While the line is cut the client still
         // has the port open, and is heard again once that is mended.
         while converse(port, party.meet(Peer::Pty), Duration::MAX).await? == Ended::Cut {}
-        port.reset()?;
+        port.reset().await?;
     }
 }

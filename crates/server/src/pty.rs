@@ -21,8 +21,13 @@ use std::os::unix::fs::{FileTypeExt, symlink};
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
+use std::time::Duration;
 use tokio::io::unix::AsyncFd;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::time::timeout;
+
+/// So long after somebody has opened the slave that is told at the latest.
+const LATE: Duration = Duration::from_millis(20);
 
 /// The drive's end of the port. Reading gives its end when the last client has closed the port and all that was sent is
 /// read; what is written while nobody is there is lost.
@@ -40,6 +45,8 @@ pub(crate) struct Pty {
     empty: bool,
     /// Then somebody has opened it: another client than before.
     changed: bool,
+    /// Nobody was there when the master was last registered: that it was hung up says nothing of the client since.
+    vacant: bool,
     /// What was read too late to be sure that the client whose turn it is has sent it: it is the next one's.
     kept: Vec<u8>,
     slave: PathBuf,
@@ -72,6 +79,7 @@ pub(crate) fn open(link: &Path) -> io::Result<(Pty, PortName)> {
         came: false,
         empty: false,
         changed: false,
+        vacant: false,
         kept: Vec::new(),
         slave,
         written: false,
@@ -128,6 +136,7 @@ impl Pty {
         self.came = false;
         self.empty = false;
         self.changed = false;
+        self.vacant = self.is_left()?;
         self.register_anew()
     }
 
@@ -161,15 +170,32 @@ impl Pty {
 
     /// Makes the port as it was before its last client: drops what was not read, and takes back what the client did to
     /// the line discipline, as with echo on the drive would answer its own replies.
-    pub(crate) fn reset(&mut self) -> io::Result<()> {
+    pub(crate) async fn reset(&mut self) -> io::Result<()> {
         if std::mem::take(&mut self.written) {
             self.look_around()?;
             tcflush(open_slave(&self.slave)?, QueueSelector::IFlush)?;
-            // That was no client. But one may have come in the same moment and is told as one with it, so this counts.
             self.look_around()?;
         }
-        self.holders = if self.is_left()? { 0 } else { self.holders.max(1) };
+        self.count_anew().await?;
         self.pass_bytes_as_they_are()
+    }
+
+    /// Puts right how many have the slave open. What was done here is told as if a client had done it, and as one with what a
+    /// client did in the same moment.
+    async fn count_anew(&mut self) -> io::Result<()> {
+        if self.is_left()? {
+            self.holders = 0;
+            return Ok(());
+        }
+        while self.holders == 0 && !self.is_left()? {
+            // Somebody whose opening was told as one with ours, or is yet to be told; counted twice, it would never be seen to leave.
+            match timeout(LATE, self.changes.readable()).await {
+                Ok(guard) => guard?.clear_ready(),
+                Err(_) => self.holders = 1,
+            }
+            self.look_around()?;
+        }
+        Ok(())
     }
 
     fn pass_bytes_as_they_are(&self) -> io::Result<()> {
@@ -233,6 +259,10 @@ impl AsyncRead for Pty {
                 }
                 Ok(Err(error)) if is_left(&error) => return Poll::Ready(Ok(())),
                 Ok(Err(error)) => return Poll::Ready(Err(error)),
+                Err(_would_block) if hung_up && self.vacant => {
+                    self.vacant = false;
+                    self.register_anew()?;
+                }
                 // One client has left, and another has come since.
                 Err(_would_block) if hung_up => return Poll::Ready(Ok(())),
                 Err(_would_block) => {}

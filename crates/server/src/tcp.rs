@@ -1,7 +1,7 @@
 //! The TCP ports of a drive: a listener for each, a task for each connection.
 
 use crate::What;
-use crate::drive::Drive;
+use crate::drive::{Drive, Reach};
 use crate::traffic::Peer;
 use socket2::{SockRef, TcpKeepalive};
 use std::io;
@@ -11,7 +11,7 @@ use std::time::Duration;
 use stepdrive_spec::smsd::timing::MAX_CONNECTIONS;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 
@@ -66,21 +66,16 @@ impl Listener {
     /// Serves the drive's clients until it is dropped.
     pub(crate) async fn serve(mut self, host: impl Host) {
         let mut connections = Connections::new(host.clone());
-        let mut line = host.drive().watch();
-        let mut outages = line.borrow_and_update().outages;
         loop {
             tokio::select! {
                 accepted = self.socket.accept() => match accepted {
-                    Ok((stream, peer)) => connections.admit(stream, peer),
+                    Ok((stream, peer)) => connections.admit(stream, peer).await,
                     Err(error) => {
                         host.drive().tell(What::CannotAccept(error));
                         tokio::time::sleep(ACCEPT_REST).await;
                     }
                 },
-                _ = line.changed() => if outages != line.borrow_and_update().outages {
-                    outages = line.borrow().outages;
-                    connections.close_all().await;
-                },
+                _ = connections.line.changed() => connections.end_with_line().await,
                 address = host.moved() => {
                     // The network chip is set up anew: all its sockets are closed.
                     connections.close_all().await;
@@ -111,18 +106,27 @@ struct Connections<H> {
     tasks: JoinSet<()>,
     /// The places for them.
     sockets: Arc<Semaphore>,
+    /// Whether there can be any.
+    line: watch::Receiver<Reach>,
+    /// The outages that they have seen.
+    outages: u32,
 }
 
 impl<H: Host> Connections<H> {
     fn new(host: H) -> Connections<H> {
         let sockets = Arc::new(Semaphore::new(MAX_CONNECTIONS));
-        Connections { host, tasks: JoinSet::new(), sockets }
+        let mut line = host.drive().watch();
+        let outages = line.borrow_and_update().outages;
+        Connections { host, tasks: JoinSet::new(), sockets, line, outages }
     }
 
     /// Serves a connection, or closes it when all sockets are taken.
-    fn admit(&mut self, stream: TcpStream, peer: SocketAddr) {
+    async fn admit(&mut self, stream: TcpStream, peer: SocketAddr) {
+        let is_reachable = self.host.drive().is_reachable();
+        // An outage ends those that came before it; this one may have come because it is over.
+        self.end_with_line().await;
         while self.tasks.try_join_next().is_some() {}
-        if !self.host.drive().is_reachable() {
+        if !is_reachable {
             return;
         }
         if self.tasks.len() >= 2 * MAX_CONNECTIONS {
@@ -130,8 +134,14 @@ impl<H: Host> Connections<H> {
             return;
         }
         let (host, sockets) = (self.host.clone(), Arc::clone(&self.sockets));
+        // Taken here and not in the task, as tasks do not begin in the order in which clients come.
+        let free = Arc::clone(&sockets).try_acquire_owned().ok();
         self.tasks.spawn(async move {
-            let Ok(Ok(_socket)) = timeout(LEAVING, sockets.acquire()).await else {
+            let socket = match free {
+                Some(socket) => Some(socket),
+                None => timeout(LEAVING, sockets.acquire_owned()).await.ok().and_then(Result::ok),
+            };
+            let Some(_socket) = socket else {
                 turn_away(&host, peer);
                 return;
             };
@@ -140,6 +150,14 @@ impl<H: Host> Connections<H> {
             let _ = SockRef::from(&stream).set_tcp_keepalive(&TcpKeepalive::new().with_time(KEEPALIVE));
             host.converse(stream, Peer::Tcp(peer)).await;
         });
+    }
+
+    /// Closes all connections if the drive could not be reached meanwhile.
+    async fn end_with_line(&mut self) {
+        let outages = self.line.borrow_and_update().outages;
+        if std::mem::replace(&mut self.outages, outages) != outages {
+            self.close_all().await;
+        }
     }
 
     /// Closes all connections.

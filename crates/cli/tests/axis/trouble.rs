@@ -172,19 +172,27 @@ fn place(bench: &Bench, number: usize) -> f64 {
 fn a_move_whose_reply_is_lost_is_never_made_twice() {
     let bench = Bench::start();
     bench.make_ready();
+    let mut rounds = 0..5;
+    // Which replies are lost is a matter of chance, so it is gone on with until one was at the worst place.
+    while rounds.next().is_some_and(|_| !loses_replies_of_moves(&bench)) {}
+    assert!(!rounds.is_empty(), "some were lost at the worst place");
+}
+
+/// Moves under a line that loses replies; whether one was lost at the worst place.
+fn loses_replies_of_moves(bench: &Bench) -> bool {
     let mut lost = 0;
     for (axis, number) in [("stage", 0), ("uhv", 1)] {
         bench.rig.rig(&format!("fault {axis}.reply-drop 25%")).done();
         for _ in 0..8 {
-            let before = place(&bench, number);
+            let before = place(bench, number);
             let ran = bench
                 .run(&format!("move -a {axis} by '20 steps' --connect-timeout 300ms --reply-timeout 60ms"));
-            let gone = place(&bench, number) - before;
+            let gone = place(bench, number) - before;
             let (none, once) = (gone.abs() < 1e-6, (gone - 20.0).abs() < 1e-6);
             assert!(if ran.code() == 0 { once } else { none || once }, "{gone} {}", ran.stderr());
             assert!(matches!(ran.code(), 0 | 5), "{}", ran.stderr());
             lost += usize::from(ran.stderr().contains("it was not sent again"));
         }
     }
-    assert!(lost > 0, "some were lost at the worst place");
+    lost > 0
 }

@@ -43,6 +43,24 @@ async fn a_store_that_failed_is_undone_in_the_replay_too() {
 }
 
 #[tokio::test]
+async fn of_a_line_that_does_not_end_for_long_the_recording_keeps_the_beginning_and_it_replays() {
+    let bench = Bench::start(SMD3).await;
+    let mut client = bench.smd3(0).await;
+    client.send(&b"\nA".repeat(3)).await;
+    for _ in 0..1000 {
+        client.send(&[b'A'; 1000]).await;
+    }
+    let mut replies = client.tell(b"A\r\nBAKET\r\n").await;
+    while !replies.ends_with(b",150\r\n") {
+        replies.extend(client.tell(b"").await);
+    }
+    let recording = bench.stop().await;
+    assert!(recording.len() < 10_000, "{}", recording.len());
+    assert_eq!(count(&recording, "\"heard\""), 5, "{recording}");
+    identical(&recording);
+}
+
+#[tokio::test]
 async fn a_drive_that_moves_to_another_port_and_unit_replays() {
     let bench = Bench::start(SMSD).await;
     let mut client = bench.smsd(0).await;

@@ -135,7 +135,17 @@ impl Client {
     }
 
     pub(crate) async fn try_connect(address: SocketAddr) -> io::Result<Client> {
-        let stream = TcpStream::connect(address).await?;
+        Client::of(TcpStream::connect(address).await?)
+    }
+
+    /// Connects without giving the server a chance to do anything meanwhile.
+    pub(crate) fn connect_at_once(address: SocketAddr) -> Client {
+        let stream = std::net::TcpStream::connect(address).expect("the drive can be reached");
+        stream.set_nonblocking(true).expect("set");
+        Client::of(TcpStream::from_std(stream).expect("in a runtime")).expect("set")
+    }
+
+    fn of(stream: TcpStream) -> io::Result<Client> {
         stream.set_nodelay(true)?;
         Ok(Client { stream, input: Vec::new(), transaction: 0, unit: 1 })
     }

@@ -33,11 +33,25 @@ async fn a_ninth_client_is_turned_away_and_the_eight_go_on() {
     assert!(told[0].starts_with("stage: 127.0.0.1:"), "{told:?}");
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 1)]
+async fn those_that_came_first_have_the_eight_sockets_though_all_come_at_once() {
+    let bench = Bench::start().await;
+    let address = bench.address();
+    // The server's only thread is busy with this until all have come.
+    let all_at_once = async move { [(); 9].map(|()| Client::connect_at_once(address)) };
+    let mut clients = Vec::from(tokio::spawn(all_at_once).await.expect("connected"));
+    let mut ninth = clients.pop().expect("nine");
+    for client in &mut clients {
+        client.ask(&who_are_you()).await.expect("answered");
+    }
+    assert_eq!(ninth.closed().await, [0; 0]);
+}
+
 #[tokio::test]
 async fn a_client_that_leaves_makes_room_for_one_that_comes_at_once() {
     let bench = Bench::start().await;
     let mut clients = eight(&bench).await;
-    for round in 0..40 {
+    for round in 0..200 {
         drop(clients.remove(round % 8));
         let mut client = bench.stranger().await;
         client.ask(&who_are_you()).await.expect("the place of the one that left");
@@ -169,4 +183,26 @@ async fn without_supply_connections_end_even_when_it_is_back_before_anybody_look
 async fn on_a_line_that_was_cut_connections_have_ended_even_when_it_is_mended_before_anybody_looks() {
     ends_at(&["fault stage.connection cut", "fault stage.connection off"]).await;
     ends_at(&["fault stage.connection cut for 1us"]).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_that_comes_once_the_supply_or_the_line_is_back_stays() {
+    let bench = Bench::start().await;
+    let mut before = bench.stranger().await;
+    before.ask(&who_are_you()).await.expect("answered");
+    for round in 0..200 {
+        let outage = match round % 2 {
+            0 => ["power stage off", "power stage on"],
+            _ => ["fault stage.connection cut", "fault stage.connection off"],
+        };
+        for action in outage {
+            bench.server.control().act(action).expect("an action");
+        }
+        let mut client = Client::connect_at_once(bench.address());
+        for _ in 0..2 {
+            client.ask(&who_are_you()).await.expect("answered");
+        }
+        assert_eq!(before.closed().await, [0; 0], "it came before");
+        before = client;
+    }
 }

@@ -106,6 +106,16 @@ async fn two_clients_take_turns_at_the_port_and_each_logs_in_anew() {
     }
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn however_soon_the_port_is_opened_again_the_client_is_another_and_is_answered() {
+    let bench = Bench::awake(USB).await;
+    for round in 0..3000 {
+        drop(bench.logged_in().await);
+        let mut client = bench.serial();
+        assert_eq!(client.command(0x0B, 0).await.code(), code::ERROR_ACCESS, "round {round}");
+    }
+}
+
 #[tokio::test]
 async fn clients_at_the_port_and_over_tcp_see_one_drive_in_turn() {
     let bench = Bench::awake(USB).await;
