@@ -5,11 +5,16 @@ import json
 import os
 import pathlib
 import subprocess
+import time
 
+import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 
 from control import Control
 from rig import HOST, Rig
+
+# A drive that is told to brake stands long before.
+STAND_SECONDS = 3
 
 CHROMIUM = "/usr/bin/chromium"
 # Without the flags of the network Chromium asks for hosts of its maker's; without a sandbox it runs as root, in CI.
@@ -156,3 +161,50 @@ class RealPanel:
         self.process.terminate()
         assert self.process.wait(10) == 0
         self.process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """A running rig of both families. It must still be running when the test is over, and end with 0."""
+    rig = PanelRig(tmp_path)
+    try:
+        rig.start()
+        yield rig
+        assert rig.is_running(), rig.complaints()
+        rig.stop()
+    finally:
+        rig.clean_up()
+
+
+@pytest.fixture
+def tabs(browser, rig):
+    """Opens browsers of people who know nothing of each other."""
+    opened = []
+
+    def open_one(**context) -> Tab:
+        tab = Tab(browser, rig, **context)
+        opened.append(tab)
+        return tab
+
+    yield open_one
+    for tab in opened:
+        tab.close()
+
+
+@pytest.fixture
+def tab(tabs) -> Tab:
+    return tabs()
+
+
+def until(holds, what: str, seconds: float = STAND_SECONDS):
+    """Waits until something holds of the drives."""
+    deadline = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.02)

@@ -1,6 +1,6 @@
-// The page of one drive: what it is, its stops, and its parts.
+// The page of one drive: what it is and where, its stops, and its parts.
 
-import { h, replace, setClass, setText, shown, span, tabs } from "./dom.js";
+import { h, replace, setClass, setText, span, tabs } from "./dom.js";
 import * as store from "./store.js";
 import { mountDrive } from "./drive.js";
 import { mountSettings } from "./settings.js";
@@ -11,7 +11,7 @@ const PARTS = {
   drive: ["Drive", mountDrive, () => true],
   settings: ["Settings", mountSettings, () => true],
   programs: ["Programs", mountPrograms, (axis) => axis.family === "smsd"],
-  bake: ["Bake", mountBake, (axis) => axis.family === "smd3"],
+  bake: ["Bake and limits", mountBake, (axis) => axis.family === "smd3"],
 };
 
 /** Shows the page of `context.name`, with its part `context.part`. */
@@ -41,51 +41,72 @@ function mountUnknown(root, name) {
 }
 
 function mountKnown(root, context) {
-  const { axis, part } = context;
-  const [, mount] = PARTS[part] ?? PARTS.drive;
-  const lamp = h("span", { class: "lamp", "aria-hidden": "true" });
-  const word = h("strong", { role: "status", id: "state" });
-  const where = h("span", { class: "number live", id: "place" });
-  const model = h("small", {});
-  // Which model it is, is known once it has been asked.
-  const name = () => setText(model, `${store.axisNamed(axis.name)?.model ?? axis.family.toUpperCase()} at ${axis.target}`);
-  name();
+  const { axis } = context;
+  const kind = axis.virtual ? "virtual" : "real";
+  const part = PARTS[context.part]?.[2](axis) ? context.part : "drive";
+  const [title, mount] = PARTS[part];
   const entries = Object.entries(PARTS).filter(([, [, , fits]]) => fits(axis)).map(([key, [label]]) => [key, label]);
   const go = (key) => context.navigate(`#/axis/${encodeURIComponent(axis.name)}/${key}`);
-  const page = h("div", { class: "part", role: "tabpanel", "aria-label": PARTS[part]?.[0] ?? "Drive" });
-  replace(root,
-    h("section", { class: `axis-head card ${axis.virtual ? "virtual" : "real"}`, "aria-label": "Drive" },
-      h("div", { class: "grow" },
-        h("div", { class: "row" }, h("h1", {}, axis.name),
-          h("span", { class: `badge ${axis.virtual ? "virtual" : "real"}` }, axis.virtual ? "virtual" : "real: moves metal"),
-          model),
-        h("div", { class: "row" }, lamp, word, where)),
-      h("div", { class: "row", role: "group", "aria-label": "Stop" },
-        h("button", { type: "button", class: "stop big", id: "stop", title: "Brakes and holds (space bar)", onclick: () => context.stop(axis.name) }, "STOP"),
-        h("button", { type: "button", class: "small", title: hardly(axis), onclick: () => context.stop(axis.name, "hard") }, "Stop at once"),
-        h("button", { type: "button", class: "small", title: "Brakes, then takes the current off the motor", onclick: () => context.stop(axis.name, "free") }, "Stop and free"))),
-    tabs("Parts of this page", entries, part in PARTS ? part : "drive", go),
-    page);
+  const page = h("div", { class: `part ${kind}`, role: "tabpanel", "aria-label": title });
+  const head = makeHead(axis, context);
+  replace(root, head.element, tabs("Parts of this page", entries, part, go), page);
 
-  const update = () => {
-    const state = store.stateOf(axis) ?? store.stateOf(store.axisNamed(axis.name));
-    const [text, kind] = store.words(state);
-    lamp.className = `lamp ${kind}`;
-    const lost = Boolean(state && state.b & store.BIT.LOST);
-    setText(word, lost ? `lost: ${state.w ?? "it does not answer"}; last seen ${span(store.ageOf(state))} ago` : text);
-    setClass(root, "stale", lost);
-    setText(where, state && !(state.b & store.BIT.UNREAD) ? `${shown(state.p)} ${axis.unit}   ${shown(state.v)} ${axis.unit}/s` : "");
-  };
-  const ends = [store.watch("states", update), store.watch("axes", name)];
-  const clock = setInterval(update, 250);
-  const leave = mount(page, context);
-  update();
+  const ends = [
+    store.watch("states", head.update), store.watch("link", head.update), store.watch("axes", head.name),
+    store.watch("focus", head.follow), mount(page, context),
+  ];
+  const clock = setInterval(head.update, 250);
+  head.update();
   return () => {
     clearInterval(clock);
     for (const end of ends) end();
-    leave();
     setClass(root, "stale", false);
   };
+
+  function makeHead() {
+    const lamp = h("span", { class: "lamp", "aria-hidden": "true" });
+    const word = h("strong", { role: "status", id: "state" });
+    const age = h("span", { class: "quiet number", id: "age" });
+    const position = h("div", { class: "big number live", id: "position" }, "–");
+    const speed = h("div", { class: "number live", id: "speed-now" }, "–");
+    const model = h("small", {});
+    // Which model it is, is known once it has been asked.
+    const name = () => setText(model, `${store.axisNamed(axis.name)?.model ?? axis.family.toUpperCase()} at ${axis.target}`);
+    name();
+    const element = h("section", { class: `axis-head card ${kind}`, "aria-label": "Drive" },
+      h("div", { class: "who" },
+        h("div", { class: "row" }, h("h1", {}, axis.name),
+          h("span", { class: `badge ${kind}` }, axis.virtual ? "virtual" : "real: moves metal"), model),
+        h("p", { class: "state" }, lamp, word, " ", age)),
+      h("div", { class: "where" }, position, speed),
+      h("div", { class: "stops", role: "group", "aria-label": "Stop" },
+        h("button", { type: "button", class: "stop big", id: "stop", title: "Brakes and holds (space bar)", onclick: () => context.stop(axis.name) }, "STOP"),
+        h("button", { type: "button", class: "small", title: hardly(axis), onclick: () => context.stop(axis.name, "hard") }, "Stop at once"),
+        h("button", { type: "button", class: "small", title: "Brakes, then takes the current off the motor", onclick: () => context.stop(axis.name, "free") }, "Stop and free")));
+
+    const update = () => {
+      const state = store.stateOf(store.axisNamed(axis.name) ?? axis);
+      const lost = Boolean(state && state.b & store.BIT.LOST);
+      if (store.linked === false) {
+        lamp.className = "lamp lost";
+        setText(word, "not known: the connection to the panel is lost");
+        return setText(age, "");
+      }
+      const [text, is] = store.words(state);
+      lamp.className = `lamp ${is}`;
+      // The age goes on by itself, and is no news to a screen reader.
+      setText(word, lost ? `lost: ${state.w ?? "it does not answer"}` : text);
+      setText(age, lost ? `last seen ${span(store.ageOf(state))} ago` : "");
+      return setClass(root, "stale", lost);
+    };
+    const follow = (now) => {
+      if (now.b & store.BIT.UNREAD) return;
+      setText(position, store.placeText(axis, now.p));
+      setText(speed, store.speedText(axis, now.v));
+      setClass(position, "doubtful", !(now.b & store.BIT.TRUSTED));
+    };
+    return { element, update, follow, name };
+  }
 }
 
 const hardly = (axis) => axis.family === "smsd"

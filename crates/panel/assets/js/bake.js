@@ -1,11 +1,15 @@
-// Bake-out of an SMD3's motor: temperature, set-point, start and end; limits and homing at a glance.
+// An SMD3's bake-out, limits, homing and faults at a glance.
 
-import { h, replace, setClass, setText, shown } from "./dom.js";
+import { h, prose, replace, setClass, setText, shown } from "./dom.js";
 import { api, ofAxis } from "./net.js";
 import * as store from "./store.js";
 
 const MOST_S = 6 * 3600;
 const EVERY_S = 1;
+const LEAST_SHOWN_S = 60;
+const HEIGHT_PX = 300;
+/** The settings of the limits that say which of them count. */
+const LIMIT_SETTINGS = { all: "L", "LIMIT NEGATIVE": "L-", "LIMIT POSITIVE": "L+" };
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 /** Temperatures that were seen, by name of the drive: times, temperatures, set-points. */
@@ -28,15 +32,23 @@ store.watch("focus", keeper);
 
 /** Shows the bake-out of `context.axis` in `root`. */
 export function mountBake(root, context) {
+  const part = (name, label) => h("section", { class: `card ${name}`, "aria-label": label });
+  const [bake, plot, limits, faults] = [part("", "Bake-out"), part("plot-card", "Motor temperature"), part("", "Limits and homing"), part("", "Faults")];
+  replace(root, h("div", { class: "drive-page" }, h("div", { class: "column" }, plot, limits), h("div", { class: "column" }, bake, faults)));
+  const ends = [mountControl(bake, context), mountTemperature(plot, context), mountLimits(limits, context), mountFaults(faults, context)];
+  return () => {
+    for (const end of ends) end();
+  };
+}
+
+function mountControl(root, context) {
   const { axis } = context;
-  const warm = h("div", { class: "big number", id: "temperature" }, "–");
+  const warm = h("div", { class: "big number live", id: "temperature" }, "–");
   const mode = h("p", { id: "bake-state", role: "status" });
-  const set = h("input", { id: "setpoint", type: "text", inputMode: "decimal", value: "150", size: 6 });
-  const place = h("div", { class: "plot", role: "img", "aria-label": "Motor temperature over time" });
-  const limits = h("div", { class: "lights" });
+  const set = h("input", { id: "setpoint", type: "text", inputMode: "decimal", autocomplete: "off", value: "150", size: 6 });
   const start = () => context.attempt(async () => {
     const setpoint = Number(set.value.trim());
-    if (!set.value.trim() || !Number.isFinite(setpoint)) throw new Error("Give the set-point as a number of °C, as in 150");
+    if (!set.value.trim() || !Number.isInteger(setpoint)) throw new Error("Give the set-point as a whole number of °C, as in 150");
     await api("POST", ofAxis(axis.name, "/bake"), { setpoint });
     context.notify("good", `${axis.name} bakes towards ${setpoint} °C`);
   });
@@ -44,62 +56,125 @@ export function mountBake(root, context) {
     await api("DELETE", ofAxis(axis.name, "/bake"));
     context.notify("good", `${axis.name} cools`);
   });
-  replace(root, h("div", { class: "drive-page" },
-    h("section", { class: "card" }, h("h2", {}, "Bake-out"), warm, mode,
+  replace(root, h("h2", {}, "Bake-out"), warm, mode,
+    h("form", { onsubmit: (event) => { event.preventDefault(); start(); } },
       h("div", { class: "field" }, h("label", { for: "setpoint" }, "Set-point, in °C"), set),
-      h("div", { class: "row" },
-        h("button", { type: "button", class: "primary", id: "bake-start", onclick: start }, "Start baking"),
-        h("button", { type: "button", id: "bake-end", onclick: end }, "End baking"))),
-    h("section", { class: "card" }, h("h2", {}, "Limits and faults"), limits,
-      h("div", { class: "row" },
-        h("button", { type: "button", onclick: () => context.attempt(() => api("POST", ofAxis(axis.name, "/clear"), {})) }, "Clear faults")),
-      h("p", { class: "quiet" }, "A latched fault stays until its cause is gone and it has been cleared. What each flag means stands on the page of the drive.")),
-    h("section", { class: "card wide" }, h("h2", {}, "Motor temperature"), place)));
+      h("div", { class: "pair" },
+        h("button", { class: "primary moves", id: "bake-start", title: "Warms the motor through its phases; it does not turn" }, "Start baking"),
+        h("button", { type: "button", id: "bake-end", onclick: end }, "End baking"))));
+  return store.watch("focus", (now) => {
+    setText(warm, now.q?.TMOT === undefined ? "–" : `${shown(now.q.TMOT, 1)} °C`);
+    setText(mode, now.flags?.BAKE ? `baking, set-point ${shown(now.q?.BAKET, 0)} °C` : "not baking");
+  });
+}
 
+function mountTemperature(root, context) {
+  const { axis } = context;
+  const place = h("div", { class: "plot", role: "img", "aria-label": `Motor temperature of ${axis.name} over time` });
+  replace(root, h("h2", {}, "Motor temperature"), place);
+  const columns = () => seen.get(axis.name) ?? [[], [], []];
   let plot = null;
   const make = () => {
     plot?.destroy();
     const grid = { stroke: colour("--plot-grid"), width: 1 };
-    const line = (label, stroke, dash, paths) => ({ label, stroke, dash, paths, width: 1.8, points: { show: false }, value: (_, value) => (value === null || value === undefined ? "–" : `${value.toFixed(1)} °C`) });
+    const line = (label, stroke, dash) => ({ label, stroke, dash, width: 1.8, points: { show: false }, value: (_, value) => (value === null || value === undefined ? "–" : `${value.toFixed(1)} °C`) });
+    const clock = (_, times) => times.map((time) => new Date(time * 1000).toTimeString().slice(0, 8));
     plot = new uPlot({
-      width: Math.max(200, place.clientWidth), height: 280,
-      scales: { y: { range: (_, low, high) => [Math.min(15, Math.floor(low ?? 15)), Math.max(40, Math.ceil((high ?? 40) * 1.05))] } },
-      axes: [{ stroke: colour("--plot-axis"), grid, ticks: grid }, { stroke: colour("--plot-axis"), grid, ticks: grid, values: (_, ticks) => ticks.map((tick) => `${tick} °C`), size: 70 }],
-      series: [{}, line("motor", colour("--plot-speed")), line("set-point", colour("--plot-position"), [6, 4], uPlot.paths.stepped({ align: 1 }))],
-    }, seen.get(axis.name) ?? [[], [], []], place);
+      width: Math.max(200, place.clientWidth), height: HEIGHT_PX,
+      scales: {
+        x: { range: (_, low, high) => {
+          const end = high ?? Date.now() / 1000;
+          return [Math.min(low ?? end, end - LEAST_SHOWN_S), end];
+        } },
+        y: { range: (_, low, high) => [Math.min(15, Math.floor(low ?? 15)), Math.max(40, Math.ceil((high ?? 40) * 1.05))] },
+      },
+      axes: [{ stroke: colour("--plot-axis"), grid, ticks: grid, values: clock, space: 80 },
+        { stroke: colour("--plot-axis"), grid, ticks: grid, values: (_, ticks) => ticks.map((tick) => `${tick} °C`), size: 70 }],
+      series: [{ label: "time", value: (_, time) => (time === null || time === undefined ? "–" : clock(_, [time])[0]) },
+        line("motor", colour("--plot-speed")), line("set-point", colour("--plot-position"), [6, 4])],
+    }, columns(), place);
   };
   make();
-  const resized = new ResizeObserver(() => plot?.setSize({ width: Math.max(200, place.clientWidth), height: 280 }));
+  const resized = new ResizeObserver(() => plot?.setSize({ width: Math.max(200, place.clientWidth), height: HEIGHT_PX }));
   resized.observe(place);
   document.addEventListener("theme", make);
-
-  const lights = new Map();
-  const show = (names, now) => {
-    for (const name of names) {
-      if (!lights.has(name)) {
-        const light = h("span", { class: "light" }, name);
-        lights.set(name, light);
-        limits.append(light);
-      }
-      setClass(lights.get(name), "on", now.flags[name]);
-    }
-  };
+  const scheme = matchMedia("(prefers-color-scheme: dark)");
+  scheme.addEventListener("change", make);
   let drawn = 0;
-  const stop = store.watch("focus", (now) => {
-    setText(warm, now.q?.TMOT === undefined ? "–" : `${shown(now.q.TMOT, 1)} °C`);
-    const baking = Boolean(now.flags?.BAKE);
-    setText(mode, baking ? `baking, set-point ${shown(now.q?.BAKET, 0)} °C` : "not baking");
-    show(Object.keys(now.flags ?? {}), now);
-    const length = seen.get(axis.name)?.[0].length ?? 0;
-    if (length !== drawn) {
-      drawn = length;
-      plot?.setData(seen.get(axis.name));
-    }
+  const end = store.watch("focus", () => {
+    const last = columns()[0].at(-1);
+    if (last === drawn || last === undefined) return;
+    drawn = last;
+    plot.setData(columns());
   });
   return () => {
-    stop();
+    end();
     resized.disconnect();
     document.removeEventListener("theme", make);
+    scheme.removeEventListener("change", make);
     plot?.destroy();
   };
+}
+
+/** Both limits, whether they count, and homing towards each. */
+function mountLimits(root, context) {
+  const { axis } = context;
+  const trust = h("p", { class: "trust", role: "status" });
+  const home = (way) => context.attempt(async () => {
+    await api("POST", ofAxis(axis.name, "/home"), { direction: way });
+    context.notify("good", `${axis.name} looks for home`);
+  });
+  const side = (flag, way, label) => {
+    const light = h("span", { class: "light" }, flag);
+    const counts = h("span", { class: "quiet" });
+    const row = h("div", { class: "limit" }, light, counts,
+      h("button", { type: "button", class: "small moves", id: `home-${way === "-" ? "negative" : "positive"}`, onclick: () => home(way) }, label));
+    return { flag, light, counts, row };
+  };
+  const sides = [side("LIMIT NEGATIVE", "-", "Home towards −"), side("LIMIT POSITIVE", "+", "Home towards +")];
+  replace(root, h("h2", {}, "Limits and homing"), sides.map(({ row }) => row), trust);
+  context.attempt(() => api("GET", ofAxis(axis.name, "/settings"))).then((answer) => {
+    const value = (name) => answer?.rows.find((row) => row.name === name)?.value;
+    for (const { flag, counts } of sides) {
+      if (value(LIMIT_SETTINGS.all) === undefined) continue;
+      const enabled = Number(value(LIMIT_SETTINGS.all)) === 1 && Number(value(LIMIT_SETTINGS[flag])) === 1;
+      setText(counts, enabled ? "stops the motor" : `does not stop the motor (${LIMIT_SETTINGS.all} ${value(LIMIT_SETTINGS.all)}, ${LIMIT_SETTINGS[flag]} ${value(LIMIT_SETTINGS[flag])})`);
+    }
+  });
+  return store.watch("focus", (now) => {
+    for (const { flag, light } of sides) setClass(light, "on", now.flags?.[flag]);
+    const trusted = Boolean(now.b & store.BIT.TRUSTED);
+    setText(trust, now.b & store.BIT.HOMING ? "homing" : trusted ? "position trusted" : `position not trusted: ${now.doubt ?? "the drive has not been homed"}`);
+    setClass(trust, "doubt", !trusted);
+  });
+}
+
+/** The faults of the drive: which are latched, what they mean, and how they go away. */
+function mountFaults(root, context) {
+  const { axis } = context;
+  const list = h("ul", { class: "latched" });
+  const none = h("p", { class: "good", role: "status" });
+  const clear = h("button", { type: "button", onclick: () => context.attempt(async () => {
+    await api("POST", ofAxis(axis.name, "/clear"), {});
+    context.notify("good", "Faults cleared, as far as their cause is gone");
+  }) }, "Clear faults");
+  replace(root, h("h2", {}, "Faults"), none, list, clear,
+    h("p", { class: "quiet" }, "A fault is latched: it stays until its cause is gone and it has been cleared."));
+  let table = [];
+  let before = null;
+  const show = (now) => {
+    const on = table.filter((flag) => now.flags?.[flag.name]);
+    const key = on.map((flag) => flag.name).join();
+    if (key === before) return;
+    before = key;
+    setText(none, on.length === 0 ? "None." : "");
+    clear.disabled = on.length === 0;
+    replace(list, on.map((flag) => h("li", {}, h("strong", { class: "mono" }, flag.name), " ", prose(flag.about), " ", h("small", {}, flag.source))));
+  };
+  context.attempt(() => api("GET", ofAxis(axis.name))).then((detail) => {
+    table = detail?.flags_table.filter((flag) => flag.kind === "error") ?? [];
+    before = null;
+    if (detail) show(detail);
+  });
+  return store.watch("focus", (now) => { if (table.length > 0) show(now); });
 }

@@ -49,6 +49,9 @@ export function replace(element, ...children) {
   return fill(element, children);
 }
 
+/** A text of the tables, where names stand between backticks. */
+export const prose = (text) => text.split("`").map((part, at) => (at % 2 ? h("code", {}, part) : part));
+
 /** Sets the text of an element if it is another: an update that changes nothing costs nothing. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
@@ -62,9 +65,10 @@ export function setClass(element, name, on) {
 /** A number for people: as many decimals as its size asks for. */
 export function shown(value, decimals) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
-  if (decimals !== undefined) return value.toFixed(decimals);
   const size = Math.abs(value);
-  return value.toFixed(size >= 1000 ? 1 : size >= 100 ? 2 : 3);
+  const text = value.toFixed(decimals ?? (size >= 1000 ? 1 : size >= 100 ? 2 : 3));
+  // A hair below zero is no minus zero.
+  return Number(text) === 0 ? text.replace("-", "") : text;
 }
 
 /** A time span for people. */

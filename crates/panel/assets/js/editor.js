@@ -3,7 +3,7 @@
 // It is a text area, which brings undo, selection, touch and screen readers with it, over a picture of the same text in
 // colours.
 
-import { h, replace } from "./dom.js";
+import { h, prose, replace } from "./dom.js";
 
 const TOKEN = /(;[^\n]*)|(\.[A-Za-z_]\w*)|([A-Za-z_][\w]*)(?=\s*:)|([A-Za-z_]\w*)|([-+]?(?:0x[0-9A-Fa-f_]+|1\/\d+|\d[\d_]*(?:\.\d+)?(?:ms|min|mA|s|h|A|%)?))|([{}|=:])/g;
 
@@ -18,7 +18,7 @@ export function makeEditor(root, words, onChange) {
   const popup = h("ul", { class: "popup", role: "listbox", id: "completions", hidden: true, "aria-label": "Completions" });
   const sheet = h("div", { class: "sheet" }, picture, area, popup);
   replace(root, h("div", { class: "editor" }, gutter, sheet),
-    h("small", { id: "editor-help" }, "Ctrl+Space completes. Tab indents; Escape, then Tab, leaves the editor."));
+    h("small", { id: "editor-help" }, "Ctrl+Space completes. Tab indents; Escape stops the drive, and then Tab leaves the editor."));
 
   let diagnostics = [];
   let running = null;
@@ -91,7 +91,7 @@ export function makeEditor(root, words, onChange) {
 
   function showChoices() {
     replace(popup, choices.map((word, at) => h("li", { role: "option", id: `choice-${at}`, class: at === chosen ? "chosen" : "", "aria-selected": at === chosen,
-      onpointerdown: (event) => { event.preventDefault(); chosen = at; take(); } }, h("code", {}, word.name), " ", h("small", {}, word.about))));
+      onpointerdown: (event) => { event.preventDefault(); chosen = at; take(); } }, h("code", {}, word.name), " ", h("small", {}, prose(word.about ?? "")))));
     popup.hidden = false;
     area.setAttribute("aria-activedescendant", `choice-${chosen}`);
   }

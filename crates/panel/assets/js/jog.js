@@ -5,20 +5,27 @@ import { PAGE_ID, api, ofAxis } from "./net.js";
 
 /** How often the server is told that the key is still held. */
 const RENEW_MS = 150;
+/** A renewal that takes so long has come too late for the server. */
+const LATE_MS = 1000;
+/** The speeds that the slider goes between, in full steps a second. */
+const SLOWEST = 20;
+const FASTEST = 2000;
 const KEYS = { ArrowRight: "+", ArrowLeft: "-" };
 
 /** Counts the presses, so that a word of one that is over is known as such however late it comes. */
 let holds = 0;
+/** Where the slider of each drive was left, by its name. */
+const chosen = new Map();
 
 /** Shows the jog buttons of `context.axis` in `root`. */
 export function mountJog(root, context) {
   const { axis } = context;
-  const top = topSpeed(axis);
   // The slider is in hundredths of the logarithm, so that slow speeds can be chosen as well as fast ones.
-  const slider = h("input", { type: "range", id: "jog-speed", min: "0", max: "100", value: "60", "aria-valuetext": "" });
-  const speed = () => top * 10 ** ((Number(slider.value) - 100) / 40);
+  const slider = h("input", { type: "range", id: "jog-speed", "aria-label": "Jog speed", min: "0", max: "100", value: chosen.get(axis.name) ?? "50", "aria-valuetext": "" });
+  const speed = () => slowest(axis) * (FASTEST / SLOWEST) ** (Number(slider.value) / 100);
   const text = h("output", { class: "number", for: "jog-speed" });
   const tell = () => {
+    chosen.set(axis.name, slider.value);
     setText(text, `${shown(speed())} ${axis.unit}/s`);
     slider.setAttribute("aria-valuetext", text.textContent);
   };
@@ -30,7 +37,7 @@ export function mountJog(root, context) {
   const begin = (direction) => {
     if (hold) return;
     holds += 1;
-    hold = { press: holds, direction, busy: false };
+    hold = { press: holds, direction, busy: false, request: null };
     renew();
     hold.timer = setInterval(renew, RENEW_MS);
     document.getElementById(direction === "+" ? "jog-forward" : "jog-back")?.classList.add("held");
@@ -39,20 +46,25 @@ export function mountJog(root, context) {
     const mine = hold;
     if (!mine || mine.busy) return;
     mine.busy = true;
+    mine.request = new AbortController();
+    const late = setTimeout(() => mine.request.abort(new DOMException("late", "TimeoutError")), LATE_MS);
     try {
-      await api("POST", ofAxis(axis.name, "/jog"), { direction: mine.direction, speed: speed(), id: PAGE_ID, press: mine.press }, { timeout: 1000, urgent: true });
+      await api("POST", ofAxis(axis.name, "/jog"), { direction: mine.direction, speed: speed(), id: PAGE_ID, press: mine.press }, { signal: mine.request.signal, urgent: true });
     } catch (error) {
       if (hold === mine) {
         end(false);
         context.notify("error", error.message);
       }
     }
+    clearTimeout(late);
     mine.busy = false;
   };
   const end = (tellServer = true) => {
     if (!hold) return;
-    const { press, timer } = hold;
+    const { press, timer, request } = hold;
     clearInterval(timer);
+    // What waits for a connection must not leave any more.
+    request?.abort();
     hold = null;
     for (const button of root.querySelectorAll(".held")) button.classList.remove("held");
     if (!tellServer) return;
@@ -61,7 +73,7 @@ export function mountJog(root, context) {
   };
 
   const button = (direction, id, label) => h("button", {
-    type: "button", class: "jog", id, "aria-label": `Jog ${direction === "+" ? "forward" : "backward"}, while it is held`,
+    type: "button", class: "jog moves", id, "aria-label": `Jog ${direction === "+" ? "forward" : "backward"}, while it is held`,
     onpointerdown: (event) => {
       if (event.button !== 0) return;
       event.currentTarget.setPointerCapture(event.pointerId);
@@ -90,13 +102,14 @@ export function mountJog(root, context) {
   addEventListener("blur", away);
   addEventListener("pagehide", away);
   document.addEventListener("visibilitychange", hidden);
-  document.addEventListener("stopped-by-key", away);
+  document.addEventListener("stopping", away);
 
   replace(root,
     h("h2", {}, "Jog"),
     h("div", { class: "jog-pad" }, button("-", "jog-back", "◀ −"), button("+", "jog-forward", "+ ▶")),
-    h("div", { class: "field" }, h("label", { for: "jog-speed" }, "Speed while it is held"), slider, text),
-    h("p", { class: "quiet" }, "Hold a button, or the arrow keys ", h("kbd", {}, "←"), " ", h("kbd", {}, "→"), "; it brakes when you let go."));
+    h("div", { class: "speed-row" }, h("label", { for: "jog-speed" }, "Speed"), slider, text),
+    h("p", { class: "quiet" }, "Hold a button, or ", h("kbd", {}, "←"), " ", h("kbd", {}, "→"), "; it brakes when you let go. ",
+      h("kbd", {}, "Space"), " always stops."));
   return () => {
     end();
     removeEventListener("keydown", keydown);
@@ -104,9 +117,9 @@ export function mountJog(root, context) {
     removeEventListener("blur", away);
     removeEventListener("pagehide", away);
     document.removeEventListener("visibilitychange", hidden);
-    document.removeEventListener("stopped-by-key", away);
+    document.removeEventListener("stopping", away);
   };
 }
 
-/** A brisk speed for jogging: 2000 full steps a second. */
-const topSpeed = (axis) => 2000 / Math.abs(axis.steps_per_unit || 1);
+/** The slowest speed for jogging, in the unit of the axis. */
+const slowest = (axis) => SLOWEST / Math.abs(axis.steps_per_unit || 1);

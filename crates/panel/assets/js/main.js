@@ -1,7 +1,7 @@
 // The shell of the page: header, routes, notices, and the stops that always work.
 
 import { h, replace, setClass, setText } from "./dom.js";
-import { api, has, ofAxis, onTokenWanted } from "./net.js";
+import { has, ofAxis, onTokenWanted, urgently } from "./net.js";
 import * as store from "./store.js";
 import { mountOverview } from "./overview.js";
 import { mountAxis } from "./axis.js";
@@ -15,7 +15,7 @@ const ERROR_MS = 15_000;
 const main = document.getElementById("main");
 const notices = document.getElementById("notices");
 
-/** Whether there is a rig here, whose time and faults can be had. */
+/** Whether there is a rig here, whose time and faults can be had: then its API describes itself. */
 let rig = false;
 let unmount = () => {};
 /** The axis that the page is about, which the space bar stops. */
@@ -44,12 +44,15 @@ export async function attempt(what) {
 
 /** Stops an axis, whatever else goes on. */
 export function stop(name, how = "soft") {
-  return attempt(() => api("POST", ofAxis(name, "/stop"), { how }, { urgent: true, keepalive: true }));
+  document.dispatchEvent(new Event("stopping"));
+  return attempt(() => urgently("POST", ofAxis(name, "/stop"), { how }));
 }
 
-/** Stops all axes. */
+/** Stops all axes, those that move first: a browser sends only a few requests at once. */
 export async function stopAll() {
-  await Promise.all(store.axes.map((axis) => stop(axis.name)));
+  const moves = (axis) => Number(Boolean((store.stateOf(axis)?.b ?? store.BIT.MOVING) & store.BIT.MOVING));
+  const order = [...store.axes].sort((one, other) => moves(other) - moves(one));
+  await Promise.all(order.map((axis) => stop(axis.name)));
 }
 
 const context = { notify, attempt, stop, stopAll, navigate: (hash) => { location.hash = hash; }, hasRig: () => rig };
@@ -73,7 +76,7 @@ function route() {
     document.title = "stepdrive";
   }
   for (const link of document.querySelectorAll("#top nav a")) {
-    const here = link.getAttribute("href") === (location.hash || "#/");
+    const here = link.getAttribute("href") === `#/${page === "rig" || page === "traffic" ? page : ""}`;
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
@@ -135,9 +138,29 @@ function stopByKey(event) {
     event.stopPropagation();
   }
   if (event.repeat) return;
-  document.dispatchEvent(new Event("stopped-by-key"));
   if (current !== null) stop(current);
   else stopAll();
+}
+
+/* What the space bar would else do: a button that has the focus is not pressed when it comes up, and boxes are ticked by
+ * Enter. */
+function keepSpace(event) {
+  if (event.code === "Space" && !writes(event.target)) event.preventDefault();
+}
+
+function tickByEnter(event) {
+  if (event.key !== "Enter" || !(event.target instanceof HTMLInputElement) || event.target.type !== "checkbox") return;
+  event.preventDefault();
+  event.target.click();
+}
+
+/** After another page was chosen the focus is at its beginning, or where the arrow keys were going through tabs, there. */
+function turn() {
+  const before = document.activeElement;
+  const byKeys = Boolean(before?.closest(".tabs") && before.matches(":focus-visible"));
+  route();
+  const tab = byKeys ? main.querySelector('.tabs [aria-selected="true"]') : null;
+  (tab ?? main).focus({ preventScroll: true });
 }
 
 /* The token. */
@@ -170,10 +193,12 @@ async function begin() {
     document.body.classList.toggle("real", real);
   });
   addEventListener("keydown", stopByKey, { capture: true });
-  addEventListener("hashchange", () => { route(); main.focus({ preventScroll: true }); });
+  addEventListener("keyup", keepSpace, { capture: true });
+  addEventListener("keydown", tickByEnter);
+  addEventListener("hashchange", turn);
   header();
   try {
-    rig = await has("/v1/rig");
+    rig = await has("/openapi.json");
   } catch {
     // The stream of events goes on trying, and tells.
   }

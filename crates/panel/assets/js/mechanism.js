@@ -6,12 +6,16 @@ import { h, replace, setText, shown, svg } from "./dom.js";
 import { follow } from "./net.js";
 import * as store from "./store.js";
 
-const WIDTH = 1000;
 const HEIGHT = 150;
-const LEFT = 40;
-const RIGHT = WIDTH - 130;
-const RAIL = 92;
-const CENTRE = { x: WIDTH - 60, y: 74, r: 42 };
+const LEFT = 34;
+const RAIL = 86;
+const ROTOR = { space: 120, y: 62, r: 42 };
+/** Narrower than this there is no room for the rotor. */
+const NARROW = 480;
+/** So many pixels a tick with its number wants. */
+const TICK_PX = 90;
+/** And so many a name. */
+const NAME_PX = 70;
 
 /** Shows the mechanism of `context.axis` in `root`. */
 export function mountMechanism(root, context) {
@@ -38,23 +42,24 @@ export function mountMechanism(root, context) {
 
   /** The carriage's place in full steps of the drawing. */
   const carriage = () => (rig ? rig.carriage : latest?.steps ?? 0);
-  const zero = () => (rig ? rig.zero : 0);
+  const zero = () => rig?.zero ?? 0;
 
   function update() {
     if (!latest && !rig) return;
     const at = carriage();
     seen = [Math.min(seen[0], at), Math.max(seen[1], at)];
     const [low, high] = range();
-    const key = JSON.stringify([low, high, rig?.switches, rig?.mark, zero(), axis.limits]);
+    const width = Math.max(280, place.clientWidth);
+    const key = JSON.stringify([width, low, high, rig?.switches, rig?.mark, zero(), axis.limits]);
     if (!drawing || drawing.key !== key) {
-      drawing = draw(axis, rig, [low, high], zero(), key);
+      drawing = draw(axis, rig, [low, high], zero(), width);
+      drawing.key = key;
       replace(place, drawing.picture);
     }
     const stalled = Boolean(rig?.stalled);
     const target = rig?.target ?? (latest?.target === null || latest?.target === undefined ? null : zero() + latest.target * axis.steps_per_unit);
     drawing.show({ at, target, stalled, inputs: { ...latest?.inputs, ...latest?.flags }, turn: rig?.steps_per_rev ?? 200, position: latest?.p });
-    const words = stalled ? "stalled" : latest && latest.b & store.BIT.MOVING ? "moving" : "standing";
-    setText(text, `The carriage is ${words}.`);
+    setText(text, stalled ? "The rotor is stalled." : "");
   }
 
   const end = store.watch("focus", (now) => {
@@ -70,19 +75,25 @@ export function mountMechanism(root, context) {
       },
     }, () => {}, 20_000);
   }
+  const resized = new ResizeObserver(update);
+  resized.observe(place);
   return () => {
+    resized.disconnect();
     end();
     stream?.close();
   };
 }
 
 /** Draws what stands still, and answers how to show what moves. */
-function draw(axis, rig, [low, high], zero, key) {
+function draw(axis, rig, [low, high], zero, width) {
+  const narrow = width < NARROW;
+  const RIGHT = width - (narrow ? LEFT : LEFT + ROTOR.space);
+  const centre = width - ROTOR.r - 8;
   const scale = (RIGHT - LEFT) / (high - low || 1);
   const x = (steps) => LEFT + (Math.min(high, Math.max(low, steps)) - low) * scale;
   const still = [
     svg("line", { x1: LEFT, y1: RAIL, x2: RIGHT, y2: RAIL, class: "m-rail" }),
-    ...ticks(axis, zero, [low, high], x),
+    ...ticks(axis, zero, [low, high], x, Math.max(2, (RIGHT - LEFT) / TICK_PX)),
   ];
   if (rig?.travel) {
     still.push(svg("rect", { x: LEFT - 14, y: RAIL - 34, width: 14, height: 46, class: "m-end" }, svg("title", {}, "hard end of the travel")),
@@ -92,6 +103,7 @@ function draw(axis, rig, [low, high], zero, key) {
     for (const limit of axis.limits) {
       const at = x(zero + limit * axis.steps_per_unit);
       still.push(svg("line", { x1: at, y1: RAIL - 40, x2: at, y2: RAIL + 8, class: "m-limit" }, svg("title", {}, `soft limit ${limit} ${axis.unit}`)));
+      if (!narrow && Math.abs(at - x(zero)) > NAME_PX) still.push(label(at, RAIL - 44, "soft limit", "m-name"));
     }
   }
   const switches = (rig?.switches ?? []).map((row) => {
@@ -113,14 +125,12 @@ function draw(axis, rig, [low, high], zero, key) {
     svg("path", { d: "M-5 -4 L0 4 L5 -4 Z" }));
   const stall = label(0, -30, "stalled", "m-stall");
   sledge.append(stall);
-  const hand = svg("line", { x1: CENTRE.x, y1: CENTRE.y, x2: CENTRE.x, y2: CENTRE.y - CENTRE.r + 6, class: "m-hand" });
-  const turns = label(CENTRE.x, CENTRE.y + CENTRE.r + 18, "", "m-name");
-  const picture = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "m", role: "img", "aria-label": `The mechanism of ${axis.name}` },
-    still, goal, sledge,
-    svg("circle", { cx: CENTRE.x, cy: CENTRE.y, r: CENTRE.r, class: "m-rotor" }), hand,
-    svg("circle", { cx: CENTRE.x, cy: CENTRE.y, r: 4, class: "m-hub" }), turns);
+  const hand = svg("line", { x1: centre, y1: ROTOR.y, x2: centre, y2: ROTOR.y - ROTOR.r + 6, class: "m-hand" });
+  const turns = label(centre, ROTOR.y + ROTOR.r + 18, "", "m-name");
+  const rotor = [svg("circle", { cx: centre, cy: ROTOR.y, r: ROTOR.r, class: "m-rotor" }), hand, svg("circle", { cx: centre, cy: ROTOR.y, r: 4, class: "m-hub" }), turns];
+  const picture = svg("svg", { viewBox: `0 0 ${width} ${HEIGHT}`, class: "m", role: "img", "aria-label": `The mechanism of ${axis.name}` },
+    still, goal, sledge, narrow ? null : rotor);
   return {
-    key,
     picture,
     show({ at, target, stalled, inputs, turn }) {
       sledge.setAttribute("transform", `translate(${x(at).toFixed(2)} ${RAIL})`);
@@ -129,7 +139,7 @@ function draw(axis, rig, [low, high], zero, key) {
       goal.style.display = target === null ? "none" : "";
       if (target !== null) goal.setAttribute("transform", `translate(${x(target).toFixed(2)} ${RAIL})`);
       for (const [input, bar] of switches) bar.classList.toggle("on", Boolean(inputs[input]));
-      hand.setAttribute("transform", `rotate(${((360 * at) / turn).toFixed(2)} ${CENTRE.x} ${CENTRE.y})`);
+      hand.setAttribute("transform", `rotate(${(((360 * at) / turn) % 360).toFixed(2)} ${centre} ${ROTOR.y})`);
       setText(turns, `${shown(at / turn, 2)} turns`);
     },
   };
@@ -138,10 +148,10 @@ function draw(axis, rig, [low, high], zero, key) {
 const label = (x, y, text, kind) => svg("text", { x, y, class: kind, "text-anchor": "middle" }, text);
 
 /** Ticks at round values of the axis' unit. */
-function ticks(axis, zero, [low, high], x) {
+function ticks(axis, zero, [low, high], x, wanted) {
   const per = Math.abs(axis.steps_per_unit || 1);
   const ends = [(low - zero) / axis.steps_per_unit, (high - zero) / axis.steps_per_unit].sort((a, b) => a - b);
-  const rough = (high - low) / per / 8;
+  const rough = (high - low) / per / wanted;
   const size = 10 ** Math.floor(Math.log10(rough || 1));
   const step = size * ([1, 2, 5, 10].find((factor) => factor * size >= rough) ?? 10);
   const marks = [];

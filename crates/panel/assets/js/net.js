@@ -3,6 +3,10 @@
 const TOKEN = "stepdrive-token";
 /** A stream of axes that is silent for so long is dead: the server says something at least every 500 ms. */
 const SILENCE_MS = 2500;
+/** How long something urgent waits before streams make room for it. */
+const PATIENCE_MS = 300;
+/** For how long they do. */
+const ROOM_MS = 700;
 const FIRST_REST_MS = 250;
 const LONGEST_REST_MS = 2000;
 
@@ -67,10 +71,20 @@ export async function api(method, path, body, options = {}) {
   return text ? JSON.parse(text) : {};
 }
 
+/** A request that must not wait: should it not have been answered soon, streams make room for it. */
+export async function urgently(method, path, body) {
+  const room = setTimeout(makeRoom, PATIENCE_MS);
+  try {
+    return await api(method, path, body, { urgent: true, keepalive: true });
+  } finally {
+    clearTimeout(room);
+  }
+}
+
 /** Whether the server has something under a path. */
 export async function has(path) {
   try {
-    await api("GET", path);
+    await api("HEAD", path);
     return true;
   } catch (error) {
     if (error.status === 404) return false;
@@ -78,15 +92,55 @@ export async function has(path) {
   }
 }
 
+/* A browser has six connections to a server, however many of its tabs show the panel, and each stream takes one. So hidden
+ * tabs let go of theirs when another is looked at, and all do for a moment when a stop does not get through. */
+
+const streams = new Set();
+const tabs = new BroadcastChannel("stepdrive-panel");
+let asleep = false;
+let wake = () => {};
+
+function dropStreams() {
+  for (const stream of streams) stream.drop();
+}
+
+function makeRoom() {
+  tabs.postMessage("make room");
+  dropStreams();
+}
+
+/** Comes when streams may begin again. */
+const mayGoOn = () => (asleep ? new Promise((done) => { wake = done; }) : new Promise((done) => setTimeout(done, ROOM_MS)));
+
+tabs.addEventListener("message", ({ data }) => {
+  if (data === "looked at" && document.hidden) asleep = true;
+  if (asleep || data === "make room") dropStreams();
+});
+
+function lookedAt() {
+  if (document.hidden) return;
+  asleep = false;
+  wake();
+  tabs.postMessage("looked at");
+}
+document.addEventListener("visibilitychange", lookedAt);
+lookedAt();
+
 /** Follows a stream of server-sent events until `close()`. `handlers` are called by the name of the event with its data;
  * `onLink(true | false)` tells when the stream stands and when it is lost. It reconnects by itself. A stream that says less
  * often that it lives needs a longer `silence`. */
 export function follow(path, handlers, onLink = () => {}, silence = SILENCE_MS) {
   let closed = false;
+  let dropped = false;
   let abort = new AbortController();
   let rest = FIRST_REST_MS;
+  const entry = { drop() { dropped = true; abort.abort(); } };
+  streams.add(entry);
   const run = async () => {
     while (!closed) {
+      if (dropped) await mayGoOn();
+      if (closed) return;
+      dropped = false;
       abort = new AbortController();
       try {
         await read(path, handlers, abort, silence, () => {
@@ -94,11 +148,12 @@ export function follow(path, handlers, onLink = () => {}, silence = SILENCE_MS) 
           onLink(true);
         });
       } catch (error) {
-        if (!closed) onLink(false, error);
+        if (!closed && !dropped) onLink(false, error);
         if (error.status === 401 && await newToken()) continue;
         if (error.status === 404 || error.status === 422) return;
       }
       if (closed) return;
+      if (dropped) continue;
       onLink(false);
       await new Promise((done) => setTimeout(done, rest));
       rest = Math.min(rest * 2, LONGEST_REST_MS);
@@ -108,6 +163,7 @@ export function follow(path, handlers, onLink = () => {}, silence = SILENCE_MS) 
   return {
     close() {
       closed = true;
+      streams.delete(entry);
       abort.abort();
     },
   };

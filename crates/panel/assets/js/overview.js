@@ -1,6 +1,6 @@
 // All drives at a glance. Only the rows that are seen are in the page, so a thousand drives cost what thirty do.
 
-import { h, replace, setClass, setText, shown, span } from "./dom.js";
+import { h, replace, setClass, setText, span } from "./dom.js";
 import * as store from "./store.js";
 
 const ROW_PX = 52;
@@ -43,6 +43,8 @@ export function mountOverview(root, context) {
     list = store.axes.filter(fits);
     empty.hidden = list.length > 0 || store.axes.length === 0;
     tall.style.height = `${list.length * ROW_PX}px`;
+    // As high as its rows, up to what the window has.
+    view.style.maxHeight = `${list.length * ROW_PX + view.firstChild.offsetHeight + 2}px`;
     view.setAttribute("aria-rowcount", String(list.length + 1));
     if (before.length !== list.length || before.some((axis, place) => axis !== list[place])) {
       for (const row of rows.values()) row.element.remove();
@@ -109,7 +111,7 @@ function makeRow(axis, context) {
   const marker = h("i", { class: "marker" });
   const rail = h("span", { class: "rail", "aria-hidden": "true" }, marker);
   const speed = h("span", { class: "number" });
-  const halt = h("button", { type: "button", class: "stop small", "aria-label": `Stop ${axis.name}`, onclick: () => context.stop(axis.name) }, "Stop");
+  const halt = h("button", { type: "button", class: "stop small quiet-stop", "aria-label": `Stop ${axis.name}`, onclick: () => context.stop(axis.name) }, "Stop");
   const element = h("div", { class: "drive-row", role: "row" },
     h("span", { role: "cell" },
       h("a", { href: `#/axis/${encodeURIComponent(axis.name)}` }, axis.name),
@@ -130,8 +132,9 @@ function makeRow(axis, context) {
     setText(word, lost ? `lost, last seen ${span(store.ageOf(state))} ago` : text);
     setClass(element, "stale", lost);
     const known = state && !(state.b & store.BIT.UNREAD);
-    setText(position, known ? `${shown(state.p)} ${axis.unit}` : "–");
-    setText(speed, known ? `${shown(state.v)} ${axis.unit}/s` : "–");
+    setText(position, known ? store.placeText(axis, state.p) : "–");
+    setText(speed, known ? store.speedText(axis, state.v) : "–");
+    setClass(element, "moves-now", kind === "moving");
     setClass(position, "doubtful", known && !(state.b & store.BIT.TRUSTED));
     position.title = known && !(state.b & store.BIT.TRUSTED) ? "The position is not trusted: the drive has not been homed" : "";
     rail.hidden = !axis.limits || !known;

@@ -1,6 +1,6 @@
 // User programs of an SMSD: written, checked, simulated, stored, run and followed.
 
-import { h, replace, setText, shown } from "./dom.js";
+import { h, prose, replace, setText } from "./dom.js";
 import { api, ofAxis } from "./net.js";
 import * as store from "./store.js";
 import { makeEditor } from "./editor.js";
@@ -34,11 +34,12 @@ export function mountPrograms(root, context) {
   const place = h("div", {}, h("p", { class: "quiet" }, "Loading the language …"));
   const problems = h("ul", { class: "problems", "aria-label": "What the checker says" });
   const verdict = h("p", { id: "verdict", role: "status" });
-  const state = h("p", { id: "program-state", role: "status" });
-  const timeline = h("div", { class: "timeline" });
+  const state = h("span", { id: "program-state", role: "status" });
+  const line = h("span", { class: "quiet number" });
+  const timeline = h("section", { class: "card timeline", "aria-label": "Simulation", hidden: true });
   const mem = h("select", { id: "mem", "aria-label": "Memory" }, MEMS.map((number) => h("option", { value: String(number) }, `memory ${number}`)));
-  const time = h("input", { id: "simulate-for", value: "60s", size: 6, type: "text", "aria-label": "How long to simulate" });
-  const inputs = h("input", { id: "simulate-inputs", type: "text", placeholder: "IN0=at:2s", size: 18, "aria-label": "Signals of the simulation, as IN0=at:2s IN1=on" });
+  const time = h("input", { id: "simulate-for", value: "60s", type: "text", autocomplete: "off", title: "How long to simulate" });
+  const inputs = h("input", { id: "simulate-inputs", type: "text", placeholder: "IN0=at:2s", title: "Signals of the simulation, as IN0=at:2s IN1=on" });
   const file = h("input", { type: "file", accept: ".smsd,.txt,text/plain", hidden: true, onchange: async () => {
     const [chosen] = file.files;
     if (chosen) editor.text = await chosen.text();
@@ -46,23 +47,27 @@ export function mountPrograms(root, context) {
   } });
   const button = (id, label, act, props = {}) => h("button", { type: "button", id, onclick: () => context.attempt(act), ...props }, label);
 
-  replace(root,
-    h("section", { class: "card" },
-      h("div", { class: "row spread" }, h("h2", {}, "Program"),
-        h("div", { class: "row" },
-          button("fetch", "Fetch from the drive", fetchAll), button("format", "Lay out", format),
-          h("button", { type: "button", onclick: () => file.click() }, "Open a file"), file, button("save", "Save as a file", save))),
-      place, verdict, problems),
-    h("section", { class: "card" },
-      h("h2", {}, "In the drive"), state,
-      h("div", { class: "row" }, button("store", "Store", storeAll, { class: "primary" }), mem,
-        button("start", "Start", start), button("stop-program", "Stop the program", stop)),
-      h("p", { class: "quiet" }, "Stopping the program leaves the motor as it is; STOP above stops the motor.")),
-    h("section", { class: "card" },
-      h("div", { class: "row spread" }, h("h2", {}, "Simulate"),
-        h("div", { class: "row" }, h("label", { for: "simulate-for" }, "for"), time, h("label", { for: "simulate-inputs" }, "with"), inputs, button("simulate", "Simulate", simulate))),
-      h("p", { class: "quiet" }, "On virtual time, on a drive that exists only for this: nothing moves."),
-      timeline));
+  replace(root, h("div", { class: "drive-page" },
+    h("div", { class: "column" },
+      h("section", { class: "card", "aria-label": "Program" },
+        h("div", { class: "row spread" }, h("h2", {}, "Program"),
+          h("div", { class: "row" },
+            button("format", "Lay out", format, { class: "small" }),
+            h("button", { type: "button", class: "small", onclick: () => file.click() }, "Open a file"), file, button("save", "Save as a file", save, { class: "small" }))),
+        place, verdict, problems),
+      timeline),
+    h("div", { class: "column" },
+      h("section", { class: "card", "aria-label": "In the drive" },
+        h("h2", {}, "In the drive"), h("p", {}, state, " ", line),
+        h("div", { class: "pair" }, button("store", "Store", storeAll, { class: "primary", title: "Stores every memory that the text has, and reads it back" }), button("fetch", "Fetch", fetchAll, { title: "Reads all four memories into the editor" })),
+        h("div", { class: "pair" }, mem, button("start", "Start", start, { class: "moves" })),
+        h("div", { class: "pair" }, h("small", {}, "as it was stored"), button("stop-program", "Stop program", stop)),
+        h("p", { class: "quiet" }, "Stopping the program leaves the motor as it is; STOP above stops the motor.")),
+      h("section", { class: "card", "aria-label": "Simulate" },
+        h("h2", {}, "Simulate"),
+        h("p", { class: "quiet" }, "On virtual time, on a drive that exists only for this: nothing moves."),
+        h("div", { class: "ask" }, h("label", { for: "simulate-for" }, "for"), time, h("span", {})),
+        h("div", { class: "ask" }, h("label", { for: "simulate-inputs" }, "inputs"), inputs, button("simulate", "Simulate", simulate))))));
 
   async function begin() {
     const language = await context.attempt(() => api("GET", "/v1/language"));
@@ -93,7 +98,7 @@ export function mountPrograms(root, context) {
     editor.diagnose(answer.diagnostics);
     replace(problems, answer.diagnostics.map((one) => h("li", { class: one.severity },
       h("button", { type: "button", class: "plain small", onclick: () => editor.goTo(one.line, one.column) }, `${one.line}:${one.column}`),
-      h("span", {}, h("strong", {}, one.severity), ` ${one.message}`, one.help ? h("small", {}, ` ${one.help}`) : null))));
+      h("span", {}, h("strong", {}, one.severity), " ", prose(one.message), " ", one.help ? h("small", {}, prose(one.help)) : null))));
     const errors = answer.diagnostics.filter((one) => one.severity === "error").length;
     const sizes = answer.mems.filter((one) => one.size > 0).map((one) => `memory ${one.mem}: ${one.size} of 255`).join(", ");
     setText(verdict, errors ? `${errors} ${errors === 1 ? "error" : "errors"}` : `Good. ${sizes || "No instructions."}`);
@@ -144,6 +149,7 @@ export function mountPrograms(root, context) {
       text: editor.text, mem: Number(mem.value), for: time.value.trim(), inputs: Object.fromEntries(pairs), axis: axis.name,
     }, { timeout: 15_000 });
     leaveTimeline();
+    timeline.hidden = false;
     leaveTimeline = mountTimeline(timeline, answer, (line) => editor.goTo(line, 1), axis);
   }
 
@@ -151,11 +157,12 @@ export function mountPrograms(root, context) {
   const end = store.watch("focus", (now) => {
     const program = now.program;
     if (!program) return setText(state, "What the program does is not known.");
-    const { running, mem: memory, line } = program;
+    const { running, mem: memory, line: at } = program;
     const runs = running === null ? "was last seen" : running ? "runs" : "stands";
-    setText(state, `The program ${runs} at line ${line} of memory ${memory}. Position ${shown(now.p)} ${axis.unit}.`);
+    setText(state, `The program ${runs}`);
+    setText(line, `at line ${at} of memory ${memory}.`);
     const lines = stored?.mems.find((one) => one.mem === memory)?.lines;
-    editor?.run(running !== false && lines ? lines[line] ?? null : null);
+    editor?.run(running !== false && lines ? lines[at] ?? null : null);
     return undefined;
   });
   begin();

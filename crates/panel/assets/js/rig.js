@@ -1,168 +1,207 @@
-// The rig: its time, and for each drive inputs, supply, faults and wires. Only virtual drives have one.
+// The rig: its time, and for each drive inputs, supply, front panel, faults and wires. Only virtual drives have one.
 
-import { h, replace, setClass, setText } from "./dom.js";
+import { h, replace, setClass, setText, shown } from "./dom.js";
 import { api, follow } from "./net.js";
 import * as store from "./store.js";
+import { mountClock } from "./clock.js";
 
-const SPEEDS = ["real", "x0.1", "x2", "x10", "x100", "x1000"];
 /** The rig says only every 15 s that it lives. */
 const SILENCE_MS = 20_000;
+const LONGEST_MS = 60_000;
+/** Settings to begin with, of faults that take a time or a chance. */
+const PRESETS = {
+  "reply-delay": ["20ms 5ms", "200ms", "2s"], "reply-drop": ["10%", "50%", "always"], "reply-pieces": ["3", "8 5ms"],
+  "reply-duplicate": ["10%", "50%", "always"], "reply-damage": ["10%", "50%", "always"], "reply-id": ["10%", "50%", "always"],
+  exception: ["04 30%", "04", "06"],
+};
+const OF_THE_LINE = /^(connection|reply-|exception)/;
 /** The drive that was looked at last; it stays chosen while the page is open. */
 let chosen = null;
 
 const drivePath = (name, rest) => `/v1/drives/${encodeURIComponent(name)}/${rest}`;
+const section = (label, ...children) => h("section", { class: "card", "aria-label": label }, ...children);
 
 /** Shows the rig in `root`. */
 export function mountRig(root, context) {
+  const act = (method, path, body) => context.attempt(() => api(method, path, body, { timeout: LONGEST_MS }));
   let rig = null;
-  let faults = [];
   let stream = null;
-  const act = (method, path, body) => context.attempt(() => api(method, path, body, { timeout: 60_000 }));
-
-  /* The clock. */
-  const now = h("div", { class: "big number", id: "rig-time" }, "–");
-  const mode = h("p", { id: "clock", role: "status" });
-  const setClock = (to) => act("PUT", "/v1/clock", { mode: to });
-  const step = h("input", { id: "step", value: "100ms", size: 7, type: "text", "aria-label": "How far to step" });
-  const until = h("input", { id: "until", type: "text", placeholder: "idle, or stage.ABS_POS >= 500", size: 28, "aria-label": "Condition" });
-  const speeds = h("div", { class: "row", role: "group", "aria-label": "Speed of time" },
-    h("button", { type: "button", id: "pause", onclick: () => setClock("paused") }, "❚❚ Pause"),
-    SPEEDS.map((speed) => h("button", { type: "button", "data-mode": speed, onclick: () => setClock(speed) }, speed === "real" ? "▶ Real time" : speed)));
-  const clock = h("section", { class: "card", "aria-label": "Time" },
-    h("h2", {}, "Time"), now, mode, speeds,
-    h("form", { class: "row", onsubmit: (event) => { event.preventDefault(); act("POST", "/v1/clock/step", { for: step.value.trim() }); } },
-      h("label", { for: "step" }, "Step"), step, h("button", { id: "do-step" }, "Step")),
-    h("form", { class: "row", onsubmit: async (event) => {
-      event.preventDefault();
-      const answer = await act("POST", "/v1/clock/run-until", { until: until.value.trim() });
-      if (answer) context.notify(answer.reached ? "good" : "error", answer.reached ? "Reached; time stands" : "It did not come within an hour of rig time");
-    } }, h("label", { for: "until" }, "Run until"), until, h("button", {}, "Run")));
-
-  /* The drive. */
-  const choice = h("select", { id: "rig-drive", "aria-label": "Drive", onchange: () => { chosen = choice.value; watchDrive(); } });
+  const place = { clock: section("Time"), signals: section("Inputs"), faults: section("Faults"), wires: section("Wires") };
+  const choice = h("select", { id: "rig-drive", "aria-label": "Drive", onchange: () => choose(choice.value) });
+  const one = () => rig?.drives.find((drive) => drive.name === chosen) ?? null;
   const power = h("button", { type: "button", id: "power", "aria-pressed": "true", onclick: () => {
     const drive = one();
     if (drive) act("PUT", drivePath(drive.name, "power"), { on: !drive.powered });
   } }, "Supply on");
-  const words = h("p", { role: "status" });
-  const panelMode = h("select", { "aria-label": "Front panel" }, h("option", { value: "LA" }, "LA: commands over LAN"), h("option", { value: "bF" }, "bF: runs a program at power-up"));
-  const panelProgram = h("select", { "aria-label": "Program of the front panel" }, [0, 1, 2, 3].map((number) => h("option", { value: String(number) }, `program ${number}`)));
-  const panel = h("div", { class: "row", hidden: true }, h("h3", {}, "Front panel"), panelMode, panelProgram,
-    h("button", { type: "button", class: "small", id: "front-panel", onclick: () => act("PUT", drivePath(chosen, "panel"), { mode: panelMode.value, program: Number(panelProgram.value) }) }, "Set"),
-    h("small", {}, "It counts from the next power-up on."));
-  const inputs = h("div", { class: "inputs" });
-  const outputs = h("div", { class: "lights" });
-  const faultRows = h("div", { class: "faults" });
-  const wires = h("div", {});
-  replace(root, h("div", { class: "bar" }, h("h1", {}, "Rig"), choice, power, words),
-    h("div", { class: "grid" }, clock,
-      h("section", { class: "card", "aria-label": "Inputs" }, h("h2", {}, "Inputs"),
-        h("p", { class: "quiet" }, "Click a signal to force it; “release” gives it back to its switch or wire."), inputs,
-        h("h3", {}, "Outputs"), outputs, panel),
-      h("section", { class: "card", "aria-label": "Faults" }, h("h2", {}, "Faults"), faultRows),
-      h("section", { class: "card", "aria-label": "Wires" }, h("h2", {}, "Wires"), wires)));
+  const words = h("span", { role: "status" });
+  const numbers = h("span", { class: "number quiet" });
+  const link = h("a", {});
+  replace(root, h("div", { class: "bar" }, h("h1", {}, "Rig"), choice, power, words, numbers, link),
+    h("div", { class: "rig-page" },
+      h("div", { class: "column" }, place.clock, place.wires), place.signals, place.faults));
+  const clock = mountClock(place.clock, context, act);
+  const signals = mountSignals(place.signals, act);
+  const faults = mountFaults(place.faults, act);
+  const wires = mountWires(place.wires, act);
 
-  const one = () => rig?.drives.find((drive) => drive.name === chosen) ?? null;
-
-  function watchDrive() {
+  function choose(name) {
+    chosen = name;
+    choice.value = name;
+    link.href = `#/axis/${encodeURIComponent(name)}`;
+    setText(link, `Open ${name}`);
     stream?.close();
     rig = null;
-    inputRows.clear();
-    replace(inputs);
-    panel.hidden = store.axisNamed(chosen)?.family !== "smsd";
-    showFaults();
-    stream = follow(`/v1/events?drive=${encodeURIComponent(chosen ?? "")}&every=100ms`, { state: (event) => { rig = event; update(); } }, () => {}, SILENCE_MS);
+    signals.choose(name);
+    faults.choose(name);
+    stream = follow(`/v1/events?drive=${encodeURIComponent(name)}&every=100ms`, { state: (event) => { rig = event; update(); } }, () => {}, SILENCE_MS);
   }
 
-  const choose = () => {
+  const offer = () => {
     const names = store.axes.filter((axis) => axis.virtual).map((axis) => axis.name);
-    if (names.length === 0) return;
-    chosen = names.includes(chosen) ? chosen : names[0];
-    replace(choice, names.map((name) => h("option", { value: name, selected: name === chosen }, name)));
-    watchDrive();
+    if (names.length === 0 || names.join() === [...choice.options].map((option) => option.value).join()) return;
+    replace(choice, names.map((name) => h("option", { value: name }, name)));
+    choose(names.includes(chosen) ? chosen : names[0]);
   };
 
   function update() {
-    const { clock: passes } = rig;
-    setText(now, `${(rig.now_ns / 1e9).toFixed(3)} s`);
-    setText(mode, passes.mode === "paused" ? "Time stands." : `Time passes: ${passes.mode}, reached x${passes.speed_reached.toPrecision(3)}${rig.playing ? `; playing ${rig.playing}` : ""}.`);
-    for (const button of speeds.children) {
-      const is = (button.dataset.mode ?? "paused") === passes.mode;
-      button.setAttribute("aria-pressed", String(is));
-    }
+    clock.update(rig);
+    wires.update(rig.wires);
     const drive = one();
-    if (drive) updateDrive(drive);
-    updateWires();
-  }
-
-  const inputRows = new Map();
-  function updateDrive(drive) {
+    if (!drive) return;
     setText(words, drive.stalled ? `${drive.state}, stalled` : drive.state);
+    setText(numbers, `carriage at ${shown(drive.carriage, 2)} full steps, ${shown(drive.speed, 1)} full steps/s`);
     setText(power, drive.powered ? "Supply on" : "Supply off");
     power.setAttribute("aria-pressed", String(drive.powered));
-    for (const [name, input] of Object.entries(drive.inputs)) {
-      if (!inputRows.has(name)) inputRows.set(name, inputRow(drive.name, name));
-      const row = inputRows.get(name);
-      setClass(row.light, "on", input.level);
-      row.light.setAttribute("aria-pressed", String(input.level));
-      row.level = input.level;
-      setText(row.forced, input.forced === null ? "" : `forced ${input.forced ? "on" : "off"}`);
-      row.release.hidden = input.forced === null;
-    }
-    replace(outputs, Object.entries(drive.outputs).map(([name, on]) => h("span", { class: `light${on ? " on" : ""}` }, name)));
-    for (const field of faultRows.querySelectorAll("[data-fault]")) {
-      const setting = drive.faults[field.dataset.fault] ?? "off";
-      setText(field.querySelector(".now"), setting);
-      setClass(field, "on", setting !== "off");
-    }
+    signals.update(drive);
+    faults.update(drive);
   }
 
-  function inputRow(drive, name) {
-    const row = { level: false };
-    const set = (to) => act("PUT", drivePath(drive, `inputs/${encodeURIComponent(name)}`), { set: to });
-    row.light = h("button", { type: "button", class: "light", "data-input": name, onclick: () => set(row.level ? "0" : "1") }, name);
-    row.forced = h("small", {});
-    row.release = h("button", { type: "button", class: "plain small", hidden: true, onclick: () => set("release") }, "release");
-    inputs.append(h("div", { class: "row" }, row.light, h("button", { type: "button", class: "plain small", onclick: () => set("pulse 50ms") }, "pulse"), row.forced, row.release));
-    return row;
-  }
-
-  /** The faults that the drive can have, each with its settings. */
-  function showFaults() {
-    const mine = faults.filter((fault) => fault.drive === chosen);
-    replace(faultRows, mine.map((fault) => {
-      const setting = h("input", { type: "text", size: 16, value: first(fault.settings), "aria-label": `Setting of ${fault.name}: ${fault.settings}`, list: `settings-${fault.name}` });
-      const put = (to) => act("PUT", drivePath(chosen, `faults/${encodeURIComponent(fault.name)}`), { setting: to });
-      return h("div", { class: "fault", "data-fault": fault.name },
-        h("div", { class: "row" }, h("strong", {}, fault.name), h("span", { class: "now mono" }, fault.setting)),
-        h("p", { class: "quiet" }, fault.about, " ", h("code", {}, fault.settings)),
-        h("form", { class: "row", onsubmit: (event) => { event.preventDefault(); put(setting.value.trim()); } },
-          setting, h("button", { class: "small" }, "Set"), h("button", { type: "button", class: "small", onclick: () => put("off") }, "Off")));
-    }));
-    if (rig) update();
-  }
-
-  function updateWires() {
-    const key = JSON.stringify(rig.wires);
-    if (wires.dataset.key === key) return;
-    wires.dataset.key = key;
-    replace(wires, rig.wires.length === 0 ? h("p", { class: "quiet" }, "This rig has no wires.") : rig.wires.map((wire) => h("div", { class: "row" },
-      h("span", { class: `light${wire.level ? " on" : ""}` }, `${wire.from} → ${wire.to}`),
-      h("small", {}, [wire.invert ? "inverted" : "", wire.delay_ns ? `after ${wire.delay_ns / 1e6} ms` : ""].filter(Boolean).join(", ")),
-      h("button", { type: "button", class: "small", onclick: () => act("PUT", "/v1/wires", { from: wire.from, to: wire.to, connected: !wire.connected }) }, wire.connected ? "Cut" : "Connect"))));
-  }
-
-  const end = store.watch("axes", choose);
-  context.attempt(() => api("GET", "/v1/faults")).then((all) => {
-    faults = all ?? [];
-    showFaults();
-  });
-  choose();
+  const end = store.watch("axes", offer);
+  offer();
   return () => {
     end();
     stream?.close();
+    clock.leave();
   };
 }
 
-/** The first of the settings that a fault takes, to begin with. */
-const first = (settings) => settings.split("|")[0].trim();
+/** Inputs, outputs and the front panel of a drive. */
+function mountSignals(root, act) {
+  let drive = "";
+  const rows = new Map();
+  const inputs = h("div", { class: "inputs" });
+  const outputs = h("div", { class: "lights" });
+  const out = h("div", {}, h("h3", {}, "Outputs"), outputs);
+  const mode = h("select", { "aria-label": "Front panel" }, h("option", { value: "LA" }, "LA: commands over LAN"), h("option", { value: "bF" }, "bF: runs a program at power-up"));
+  const program = h("select", { "aria-label": "Program of the front panel" }, [0, 1, 2, 3].map((number) => h("option", { value: String(number) }, `program ${number}`)));
+  const panel = h("div", {}, h("h3", {}, "Front panel"), h("div", { class: "row" }, mode, program,
+    h("button", { type: "button", id: "front-panel", onclick: () => act("PUT", drivePath(drive, "panel"), { mode: mode.value, program: Number(program.value) }) }, "Set")),
+    h("small", {}, "It counts from the next power-up on."));
+  replace(root, h("h2", {}, "Inputs"),
+    h("p", { class: "quiet" }, "Click a signal to force it; “release” gives it back to its switch or wire."), inputs, out, panel);
+
+  function make(name) {
+    const row = { level: false };
+    const set = (to) => act("PUT", drivePath(drive, `inputs/${encodeURIComponent(name)}`), { set: to });
+    const small = (label, to, words) => h("button", { type: "button", class: "small", "aria-label": `${words} ${name}`, onclick: () => set(to) }, label);
+    row.light = h("button", { type: "button", class: "light", "data-input": name, onclick: () => set(row.level ? "0" : "1") }, name);
+    row.forced = h("small", {});
+    row.release = small("release", "release", "Release");
+    inputs.append(h("div", { class: "row" }, row.light, small("pulse", "pulse 50ms", "Pulse of 50 ms at"), row.release, row.forced));
+    return row;
+  }
+
+  return {
+    choose(name) {
+      drive = name;
+      rows.clear();
+      replace(inputs);
+      panel.hidden = store.axisNamed(name)?.family !== "smsd";
+    },
+    update(now) {
+      for (const [name, input] of Object.entries(now.inputs)) {
+        if (!rows.has(name)) rows.set(name, make(name));
+        const row = rows.get(name);
+        row.level = input.level;
+        setClass(row.light, "on", input.level);
+        row.light.setAttribute("aria-pressed", String(input.level));
+        setText(row.forced, input.forced === null ? "" : `forced ${input.forced ? "on" : "off"}`);
+        row.release.hidden = input.forced === null;
+      }
+      const levels = Object.entries(now.outputs);
+      out.hidden = levels.length === 0;
+      replace(outputs, levels.map(([name, on]) => h("span", { class: `light${on ? " on" : ""}` }, name, h("span", { class: "visually-hidden" }, on ? " on" : " off"))));
+    },
+  };
+}
+
+/** The faults that a drive can have, each with what it can be set to. */
+function mountFaults(root, act) {
+  let all = [];
+  let drive = "";
+  const rows = new Map();
+  const lists = h("div", {});
+  replace(root, h("h2", {}, "Faults"), lists);
+  act("GET", "/v1/faults").then((answer) => {
+    all = answer ?? [];
+    list();
+  });
+
+  function make(fault) {
+    const put = (to) => act("PUT", drivePath(drive, `faults/${encodeURIComponent(fault.name)}`), { setting: to });
+    const presets = PRESETS[fault.name];
+    const settings = ["off", ...presets ?? fault.settings.split("|").map((setting) => setting.trim())];
+    const chips = settings.map((setting) => h("button", { type: "button", class: "chip", "data-setting": setting, "aria-pressed": setting === fault.setting, onclick: () => put(setting) }, setting));
+    const other = h("input", { type: "text", size: 16, autocomplete: "off", placeholder: fault.settings, title: fault.settings, "aria-label": `Another setting of ${fault.name}: ${fault.settings}` });
+    const form = h("form", { class: "row", onsubmit: (event) => { event.preventDefault(); put(other.value.trim()); } },
+      other, h("button", { class: "small" }, "Set"));
+    const now = h("span", { class: "now mono", role: "status" }, fault.setting);
+    const element = h("div", { class: "fault", role: "group", "aria-label": `Fault ${fault.name}`, "data-fault": fault.name },
+      h("div", { class: "row" }, h("strong", { class: "mono" }, fault.name), now),
+      h("p", { class: "quiet" }, fault.about), h("div", { class: "chips" }, chips), presets ? form : null);
+    const show = (setting) => {
+      setText(now, setting);
+      setClass(element, "on", setting !== "off");
+      for (const chip of chips) chip.setAttribute("aria-pressed", String(chip.dataset.setting === setting));
+    };
+    show(fault.setting);
+    rows.set(fault.name, show);
+    return element;
+  }
+
+  function list() {
+    rows.clear();
+    const mine = all.filter((fault) => fault.drive === drive);
+    const parts = [["Of the machine", mine.filter((fault) => !OF_THE_LINE.test(fault.name))], ["Of its line", mine.filter((fault) => OF_THE_LINE.test(fault.name))]];
+    replace(lists, parts.map(([title, faults]) => [h("h3", {}, title), h("div", { class: "faults" }, faults.map(make))]));
+  }
+
+  return {
+    choose(name) {
+      drive = name;
+      list();
+    },
+    update(now) {
+      for (const [name, show] of rows) show(now.faults[name] ?? "off");
+    },
+  };
+}
+
+/** The wires between the drives of the rig. */
+function mountWires(root, act) {
+  const list = h("div", {});
+  replace(root, h("h2", {}, "Wires"), list);
+  let key = "";
+  return {
+    update(wires) {
+      const is = JSON.stringify(wires);
+      if (key === is) return;
+      key = is;
+      replace(list, wires.length === 0 ? h("p", { class: "quiet" }, "This rig has no wires.") : wires.map((wire) => h("div", { class: "row" },
+        h("span", { class: `light${wire.level ? " on" : ""}` }, `${wire.from} → ${wire.to}`, h("span", { class: "visually-hidden" }, wire.level ? " on" : " off")),
+        h("small", {}, [wire.connected ? "" : "cut", wire.invert ? "inverted" : "", wire.delay_ns ? `after ${wire.delay_ns / 1e6} ms` : ""].filter(Boolean).join(", ")),
+        h("button", { type: "button", class: "small", "aria-label": `${wire.connected ? "Cut" : "Mend"} the wire from ${wire.from} to ${wire.to}`,
+          onclick: () => act("PUT", "/v1/wires", { from: wire.from, to: wire.to, connected: !wire.connected }) }, wire.connected ? "Cut" : "Mend"))));
+    },
+  };
+}

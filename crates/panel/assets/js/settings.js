@@ -1,11 +1,15 @@
 // Every register and parameter, as the tables have them: edited, checked, applied and read back.
 
-import { h, replace, setClass, setText } from "./dom.js";
+import { h, prose, replace, setClass, setText } from "./dom.js";
 import { api, ofAxis } from "./net.js";
+
+/** What an SMD3's flash holds, as far as it was seen here: values by setting, by name of the drive. It does not tell itself. */
+const flash = new Map();
 
 /** Shows the settings of `context.axis` in `root`. */
 export function mountSettings(root, context) {
   const { axis } = context;
+  const withFlash = axis.family === "smd3";
   let rows = [];
   /** What a person has changed and not applied: texts by name. */
   const edits = new Map();
@@ -14,28 +18,31 @@ export function mountSettings(root, context) {
   const only = h("input", { type: "checkbox", id: "only-changed", onchange: () => filter() });
   const apply = h("button", { type: "button", class: "primary", id: "apply", disabled: true, onclick: () => send() }, "Apply and verify");
   const discard = h("button", { type: "button", id: "discard", disabled: true, onclick: () => { edits.clear(); show(); } }, "Discard");
-  const report = h("div", { class: "report", role: "status", id: "report" });
+  const report = h("div", { class: "report", id: "report" });
   const body = h("div", { class: "settings" });
   replace(root,
     h("section", { class: "card" },
-      h("div", { class: "bar" }, h("h2", {}, "Settings"), search,
-        h("label", { class: "row", for: "only-changed" }, only, "Only what differs from the default"),
+      h("div", { class: "bar settings-bar" }, h("h2", {}, "Settings"), search,
+        h("label", { class: "row", for: "only-changed" }, only, "Only what differs"),
         h("span", { class: "grow" }), ...memory(), discard, apply),
       report, body));
 
   /** What keeps the settings through power-off, by family. */
   function memory() {
-    const act = (rest, label, title, good) => h("button", { type: "button", title, onclick: async () => {
+    const act = (rest, label, title, good, holds = false) => h("button", { type: "button", title, onclick: async () => {
       if (await context.attempt(() => api("POST", ofAxis(axis.name, rest), {})) === undefined) return;
       context.notify("good", good);
-      load();
+      await load();
+      // What was stored or taken back is what the flash holds, and what is in force.
+      if (holds) flash.set(axis.name, new Map(rows.map((row) => [row.name, row.value])));
+      show();
     } }, label);
     if (axis.family === "smsd") {
       return [act("/settings/apply-lan", "Apply LAN parameters", "Puts the LAN parameters into effect; the controller closes its connections", "The LAN parameters are in effect")];
     }
     return [
-      act("/settings/store", "Store", "STORE: keeps the settings through power-off", "The settings are stored"),
-      act("/settings/load", "Load", "LOAD: takes the stored settings back", "The stored settings are in force"),
+      act("/settings/store", "Store", "STORE: keeps the settings through power-off", "The settings are stored", true),
+      act("/settings/load", "Load", "LOAD: takes the stored settings back", "The stored settings are in force", true),
     ];
   }
 
@@ -48,12 +55,15 @@ export function mountSettings(root, context) {
 
   function show() {
     fields.clear();
+    const held = flash.get(axis.name);
+    if (held) rows = rows.map((row) => ({ ...row, stored: held.get(row.name) ?? row.stored }));
     const groups = new Map();
     for (const row of rows) groups.set(row.group, [...(groups.get(row.group) ?? []), row]);
     replace(body, [...groups].map(([name, members]) => h("section", { class: "group" },
       h("h3", {}, name),
-      h("div", { class: "scroll" }, h("table", {},
-        h("thead", {}, h("tr", {}, ["Setting", "Value", "Range", "Default", axis.family === "smd3" ? "Stored" : null, "What it is"].filter(Boolean).map((head) => h("th", { scope: "col" }, head)))),
+      h("div", { class: "scroll" }, h("table", { class: withFlash ? "with-flash" : "" },
+        h("thead", {}, h("tr", {}, ["Setting", "Value", "Range", "Default", withFlash ? "Stored" : null, "What it is"].filter(Boolean).map((head) =>
+          h("th", { scope: "col", title: head === "Stored" ? NOT_TOLD : null }, head)))),
         h("tbody", {}, members.map(line)))))));
     filter();
     update();
@@ -68,11 +78,12 @@ export function mountSettings(root, context) {
     if (edits.has(row.name)) put(field, edits.get(row.name));
     const element = h("tr", {},
       h("th", { scope: "row" }, h("label", { for: id, class: "mono" }, row.name)),
-      h("td", {}, h("span", { class: "row" }, field, h("small", {}, row.unit)), error, row.writable ? null : h("small", {}, row.why_not ?? "read only")),
-      h("td", { class: "mono" }, rangeOf(row)),
-      h("td", { class: "mono" }, told(row, row.default)),
-      axis.family === "smd3" ? h("td", { class: "mono" }, row.stored === null || row.stored === undefined ? "–" : told(row, row.stored)) : null,
-      h("td", {}, row.about, " ", h("small", {}, row.source)));
+      h("td", {}, h("span", { class: "row" }, field, h("small", {}, row.unit)), error,
+        row.writable ? null : h("small", {}, row.why_not ?? "read only"), row.volatile ? h("small", { class: "block" }, "lost at power-off") : null),
+      h("td", { class: "mono range" }, rangeOf(row)),
+      h("td", { class: "mono default" }, told(row, row.default)),
+      withFlash ? h("td", { class: "mono stored" }, known(row.stored) ? told(row, row.stored) : h("span", { title: NOT_TOLD }, "?")) : null,
+      h("td", {}, prose(row.about), " ", h("small", {}, row.source)));
     fields.set(row.name, { row, field, error, element });
     note(row, field, error);
     return element;
@@ -88,8 +99,13 @@ export function mountSettings(root, context) {
     const element = field.closest("tr") ?? fields.get(row.name)?.element;
     if (element) {
       setClass(element, "edited", edits.has(row.name));
-      setClass(element, "differs", differs(row));
+      mark(element, row);
     }
+  }
+
+  function mark(element, row) {
+    setClass(element, "differs", differs(row));
+    setClass(element, "unstored", known(row.stored) && known(row.value) && !alike(row.stored, row.value));
   }
 
   function update() {
@@ -97,14 +113,14 @@ export function mountSettings(root, context) {
     apply.disabled = edits.size === 0 || wrong;
     discard.disabled = edits.size === 0;
     setText(apply, edits.size > 0 ? `Apply and verify ${edits.size}` : "Apply and verify");
-    for (const { row, element } of fields.values()) setClass(element, "differs", differs(row));
+    for (const { row, element } of fields.values()) mark(element, row);
   }
 
   function filter() {
     const wanted = search.value.trim().toLowerCase();
     for (const { row, element } of fields.values()) {
       const fits = !wanted || `${row.name} ${row.about}`.toLowerCase().includes(wanted);
-      element.hidden = !fits || (only.checked && !differs(row) && !edits.has(row.name));
+      element.hidden = !fits || (only.checked && !element.matches(".differs, .unstored, .edited"));
     }
     for (const group of body.children) group.hidden = ![...group.querySelectorAll("tbody tr")].some((row) => !row.hidden);
   }
@@ -119,6 +135,7 @@ export function mountSettings(root, context) {
       tell(answer);
     } catch (error) {
       replace(report, h("p", { class: "error" }, error.message));
+      context.notify("error", error.message);
       for (const [name, why] of Object.entries(error.body?.fields ?? {})) {
         const at = fields.get(name);
         if (!at) continue;
@@ -131,8 +148,9 @@ export function mountSettings(root, context) {
   function tell({ changed, differs: differing }) {
     const done = changed.map((row) => h("li", {}, h("code", {}, row.name), ` ${row.from} → ${row.to}, reads ${row.reads}`));
     const other = differing.map((row) => h("li", { class: "error" }, h("code", {}, row.name), ` was to be ${row.wanted} and reads ${row.reads}`));
-    replace(report, h("p", {}, other.length ? "Applied, but not all reads back as it was written:" : `Applied and read back: ${changed.length} changed`),
-      h("ul", {}, done, other));
+    const summary = other.length ? "Applied, but not all reads back as it was written" : `Applied and read back: ${changed.length} changed`;
+    replace(report, h("p", {}, summary), h("ul", {}, done, other));
+    context.notify(other.length ? "error" : "good", summary);
   }
 
   load();
@@ -158,8 +176,13 @@ const put = (field, text) => {
 const given = (row) => (row.kind === "bool" ? String(Boolean(row.value)) : row.value === null || row.value === undefined ? "" : String(row.value));
 const valueOf = (row, text) => (row.kind === "bool" ? text === "true" : row.kind === "text" ? text : Number(text));
 
+const NOT_TOLD = "The drive does not tell what its flash holds; it is known here after Store or Load.";
+const known = (value) => value !== null && value !== undefined;
+const alike = (one, other) => String(Number(one)) === String(Number(other)) || String(one) === String(other);
+
 function told(row, value) {
   if (value === null || value === undefined) return "–";
+  if (row.kind === "bool") return Number(value) ? "on" : "off";
   const choice = row.choices?.find((known) => String(known.value) === String(value));
   return choice ? `${value} (${choice.name})` : String(value);
 }
@@ -170,7 +193,8 @@ function rangeOf(row) {
   return `${row.min} to ${row.max}`;
 }
 
-const differs = (row) => row.default !== null && row.default !== undefined && row.value !== null && String(Number(row.value)) !== String(Number(row.default)) && given(row) !== told(row, row.default);
+/** Whether it is not what the controller had from its maker. */
+const differs = (row) => known(row.default) && known(row.value) && (row.at_default === undefined ? !alike(row.value, row.default) : row.at_default === false);
 
 /** Why a text cannot be the value of a setting; empty when it can. */
 function objection(row, text) {

@@ -1,5 +1,6 @@
 // What is known of the axes, from the stream of events. One stream serves the whole page.
 
+import { shown } from "./dom.js";
 import { follow } from "./net.js";
 
 /** Bits of a state. */
@@ -92,6 +93,14 @@ export const axisNamed = (name) => axes.find((axis) => axis.name === name);
 
 /** The state of an axis, or undefined while nothing has come. */
 export const stateOf = (axis) => states.get(axes.indexOf(axis));
+
+/** How many decimals a position of this axis has: those that 1/16 of a full step asks for, and always as many, so that
+ * numbers that change stand still. */
+export const decimals = (axis) => Math.min(6, Math.max(2, Math.ceil(Math.log10(16 * Math.abs(axis.steps_per_unit || 1)))));
+
+/** A position of an axis, and a speed, with their units. */
+export const placeText = (axis, value) => `${shown(value, decimals(axis))} ${axis.unit}`;
+export const speedText = (axis, value) => `${shown(value, decimals(axis))} ${axis.unit}/s`;
 
 /** How old the last reading of a lost axis is, in ms. */
 export const ageOf = (state) => (state.a ?? 0) + (performance.now() - state.at);

@@ -9,14 +9,14 @@ export function mountTimeline(root, answer, goTo, axis) {
   const place = h("div", { class: "plot small", role: "img", "aria-label": "Simulated position and speed over time" });
   const rows = h("tbody", {});
   const now = h("output", { class: "mono" });
-  replace(root,
+  replace(root, h("h2", {}, "Simulation"),
     h("p", { role: "status", id: "simulated" }, answer.end, answer.cut ? " (only the first steps are shown)" : ""),
     place, now,
     h("div", { class: "scroll short" }, h("table", {},
       h("thead", {}, h("tr", {}, ["Time", "Line", "Instruction", "Position", "Speed", "Inputs"].map((head) => h("th", { scope: "col" }, head)))), rows)));
   replace(rows, answer.steps.map((step) => h("tr", {},
     h("td", { class: "mono" }, `${step.t.toFixed(4)} s`),
-    h("td", {}, step.source_line ? h("button", { type: "button", class: "plain small mono", onclick: () => goTo(step.source_line) }, `mem${step.mem}:${step.line}`) : ""),
+    h("td", {}, step.source_line ? h("button", { type: "button", class: "plain small mono bare", onclick: () => goTo(step.source_line) }, `mem${step.mem}:${step.line}`) : ""),
     h("td", { class: "mono" }, step.text),
     h("td", { class: "mono" }, String(step.position)),
     h("td", { class: "mono" }, shown(step.speed, 1)),

@@ -6,6 +6,8 @@ import * as store from "./store.js";
 
 const MOST_ROWS = 5000;
 const MOST_SHOWN = 400;
+/** So near to its end counts as the end. */
+const END_PX = 60;
 
 /** Shows the traffic in `root`. */
 export function mountTraffic(root) {
@@ -25,16 +27,16 @@ export function mountTraffic(root) {
     setText(pause, paused ? "Go on" : "Pause");
     show();
   } }, "Pause");
-  const tell = h("p", { class: "quiet", role: "status", id: "traffic-state" });
+  const tell = h("p", { class: "quiet", id: "traffic-state" });
   const body = h("tbody", {});
+  const table = h("section", { class: "card scroll traffic", tabIndex: 0, "aria-label": "Conversation" }, h("table", {},
+    h("thead", {}, h("tr", {}, ["Rig time", "Drive", "Client", "", "What is said"].map((head) => h("th", { scope: "col" }, head)))), body));
   replace(root, h("div", { class: "bar" }, h("h1", {}, "Traffic"), drive, words,
     h("label", { class: "row", for: "own" }, own, "this panel's too"), h("label", { class: "row", for: "bad" }, bad, "only refusals and errors"),
     h("label", { class: "row", for: "hex" }, hex, "bytes"), pause,
     h("button", { type: "button", onclick: () => { rows = []; lost = 0; show(); } }, "Empty"),
     h("button", { type: "button", id: "traffic-save", onclick: save }, "Save")),
-    tell,
-    h("section", { class: "card scroll traffic" }, h("table", {},
-      h("thead", {}, h("tr", {}, ["Rig time", "Drive", "Client", "", "What is said"].map((head) => h("th", { scope: "col" }, head)))), body)));
+    tell, table);
 
   const fits = (row) => {
     const wanted = words.value.trim().toLowerCase();
@@ -45,13 +47,16 @@ export function mountTraffic(root) {
   function show() {
     const found = rows.filter(fits);
     const last = found.slice(-MOST_SHOWN);
+    // Who reads the end goes on reading it; who has scrolled up stays where they are.
+    const atEnd = table.scrollTop + table.clientHeight > table.scrollHeight - END_PX;
     replace(body, last.map((row) => h("tr", { class: row.bad ? "bad-row" : "" },
       h("td", { class: "mono" }, (row.t_ns / 1e9).toFixed(6)),
       h("td", {}, row.drive),
       h("td", {}, `${row.by} #${row.conn}`, " ", h("small", {}, row.peer)),
       h("td", { class: `way ${row.to}` }, row.to === "drive" ? "→" : "←"),
       h("td", {}, row.text, hex.checked ? h("div", { class: "mono quiet" }, row.hex) : null))));
-    setText(tell, `${found.length} of ${rows.length}${found.length > MOST_SHOWN ? `, the last ${MOST_SHOWN} shown` : ""}${lost ? `; ${lost} came too fast to be kept` : ""}${paused ? "; paused" : ""}`);
+    if (atEnd) table.scrollTop = table.scrollHeight;
+    setText(tell, `${found.length} of ${rows.length}${found.length > MOST_SHOWN ? `, the last ${MOST_SHOWN} shown` : ""}${lost ? `; ${lost} came too fast to be kept` : ""}${!own.checked && found.length === 0 && rows.length > 0 ? "; the others are this panel's own" : ""}${paused ? "; paused" : ""}`);
   }
 
   function listen() {
