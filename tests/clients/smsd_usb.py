@@ -129,6 +129,17 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
+def wait_listening(port: int, seconds: float = 5):
+    """Until a controller is reached at the port that its LAN parameters name: it moves there behind its reply."""
+    deadline = time.monotonic() + seconds
+    while True:
+        try:
+            return socket.create_connection((HOST, port)).close()
+        except ConnectionRefusedError:
+            assert time.monotonic() < deadline, f"nobody listens on {port}"
+            time.sleep(0.005)
+
+
 class Packet(NamedTuple):
     """What came back, its checksum and length already found right."""
 

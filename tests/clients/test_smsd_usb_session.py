@@ -422,6 +422,7 @@ def test_lan_parameters_set_at_one_port_are_read_at_the_other(rig, usb):
     )
     assert usb.set_lan(wanted) == OK
     assert usb.lan() == wanted, "the port goes on"
+    wait_listening(wanted.port)
     lan = rig.modbus(wanted.port, wanted.ident)
     lan.log_in()
     assert lan.holding(modbus.LAN_ID, 25) == registers(wanted)

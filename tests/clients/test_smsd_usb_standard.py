@@ -74,6 +74,7 @@ def test_the_lan_parameters_have_no_unit_identifier(rig, lan):
     assert usb.set_lan(wanted) == OK
     assert usb.lan() == wanted, "the USB port goes on"
     assert lan.line.is_closed()
+    wait_listening(wanted.port)
     moved = Smsd(Raw(f"127.0.0.1:{wanted.port}"))
     rig.pass_time("1s")
     assert moved.try_password(PASSWORD) == OK_ACCESS
