@@ -69,7 +69,16 @@ impl Listener {
         loop {
             tokio::select! {
                 accepted = self.socket.accept() => match accepted {
-                    Ok((stream, peer)) => connections.admit(stream, peer).await,
+                    Ok((stream, peer)) => {
+                        // A client that was closed by the chip being set up may be back before this was.
+                        let stayed = match already(host.moved()).await {
+                            Some(address) => !self.set_up(address, &mut connections).await,
+                            None => true,
+                        };
+                        if stayed {
+                            connections.admit(stream, peer).await;
+                        }
+                    }
                     Err(error) => {
                         host.drive().tell(What::CannotAccept(error));
                         tokio::time::sleep(ACCEPT_REST).await;
@@ -77,26 +86,40 @@ impl Listener {
                 },
                 _ = connections.line.changed() => connections.end_with_line().await,
                 address = host.moved() => {
-                    // The network chip is set up anew: all its sockets are closed.
-                    connections.close_all().await;
-                    self.move_to(address, &host).await;
+                    self.set_up(address, &mut connections).await;
                 }
             }
         }
     }
 
-    /// Listens at another address. When that cannot be had, the old one stays: a drive that nobody can reach is worse.
-    async fn move_to(&mut self, address: SocketAddr, host: &impl Host) {
+    /// Sets the network chip up anew: all its sockets are closed. `true` when it listens at another address then. When that
+    /// cannot be had, the old one stays: a drive that nobody can reach is worse.
+    async fn set_up(&mut self, address: SocketAddr, connections: &mut Connections<impl Host>) -> bool {
+        connections.close_all().await;
         if address.port() == self.address.port() || address.port() == 0 {
-            return;
+            return false;
         }
+        let drive = connections.host.drive();
         match Listener::bind(address).await {
             Ok(listener) => {
                 *self = listener;
-                host.drive().tell(What::Moved(self.address));
+                drive.tell(What::Moved(self.address));
+                true
             }
-            Err(error) => host.drive().tell(What::CannotMove { to: address, error }),
+            Err(error) => {
+                drive.tell(What::CannotMove { to: address, error });
+                false
+            }
         }
+    }
+}
+
+/// What a future gives without waiting.
+async fn already<T>(future: impl Future<Output = T>) -> Option<T> {
+    tokio::select! {
+        biased;
+        output = future => Some(output),
+        () = std::future::ready(()) => None,
     }
 }
 

@@ -38,6 +38,17 @@ async fn the_reply_comes_first_and_then_all_connections_are_closed() {
     reach(bench.address()).await.ask(&who_are_you()).await.expect("the drive is there again");
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_client_that_comes_back_at_once_is_not_closed_with_those_before_it() {
+    let bench = Bench::start().await;
+    let mut client = bench.client().await;
+    for _ in 0..200 {
+        client.trigger(Reg::ApplyNetworkConfiguration).await.expect("accepted");
+        client.closed().await;
+        client = bench.client().await;
+    }
+}
+
 #[tokio::test]
 async fn requests_behind_it_in_the_same_segment_are_not_carried_out() {
     let bench = Bench::start().await;
