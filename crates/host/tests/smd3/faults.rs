@@ -219,6 +219,8 @@ async fn a_drive_that_is_slower_than_its_client_is_patient_is_told_as_silent_and
     client.get(Command::Vmax).await.expect("a value");
     station.faults([Fault::Delay(10 * SECOND)]);
     assert_eq!(client.get(Command::Vmax).await.expect_err("slow").exit_code(), 5);
+    assert_eq!(client.get(Command::Amax).await.expect_err("still slow").exit_code(), 5);
+    tokio::time::sleep(20 * SECOND).await;
     assert_eq!(client.get_number(Command::Vmax).await, Ok(1000.0));
     station.faults([Fault::Delay(10 * SECOND)]);
     let doubt = client.runr(5).await.expect_err("slow").to_string();

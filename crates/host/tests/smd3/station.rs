@@ -53,9 +53,12 @@ pub(crate) enum Fault {
     CutAfter,
 }
 
-/// A drive with its line. It is a serial one: what the drive has received of a line outlives the connection.
+/// A drive with its line. It is a serial one: what the drive has received of a line outlives the connection, and what was
+/// sent before the port was closed comes before what is sent once it is open again.
 pub(crate) struct Station {
     world: Mutex<World>,
+    /// Held by the connection whose bytes come next.
+    turn: tokio::sync::Mutex<()>,
     cuts: watch::Sender<u64>,
 }
 
@@ -126,7 +129,8 @@ impl Station {
             lines: Vec::new(),
             openings: 0,
         };
-        Arc::new(Station { world: Mutex::new(world), cuts: watch::Sender::new(0) })
+        let (world, turn) = (Mutex::new(world), tokio::sync::Mutex::default());
+        Arc::new(Station { world, turn, cuts: watch::Sender::new(0) })
     }
 
     fn world(&self) -> MutexGuard<'_, World> {
@@ -281,21 +285,24 @@ async fn serve(station: Arc<Station>, stream: DuplexStream) {
         }
     };
     tokio::select! {
-        _ = talk(&station, stream) => {}
+        () = talk(&station, stream) => {}
         () = cut => {}
     }
 }
 
-/// Answers lines; `None` when the connection ends.
-async fn talk(station: &Station, mut stream: DuplexStream) -> Option<()> {
+/// Answers lines until the cable is cut, or all that came before the port was closed is taken.
+async fn talk(station: &Station, mut stream: DuplexStream) {
+    let _turn = station.turn.lock().await;
     let mut byte = [0];
     let mut notice = station.cuts.subscribe();
     loop {
         while station.world().deaf {
-            notice.changed().await.ok()?;
+            if notice.changed().await.is_err() {
+                return;
+            }
         }
-        if stream.read(&mut byte).await.ok()? == 0 {
-            return None;
+        if stream.read(&mut byte).await.unwrap_or(0) == 0 {
+            return;
         }
         let mut rest = &byte[..];
         let line = match station.world().reader.take(&mut rest) {
@@ -303,11 +310,19 @@ async fn talk(station: &Station, mut stream: DuplexStream) -> Option<()> {
             Some(Line::TooLong) => b"too long".to_vec(),
             None => continue,
         };
-        reply(station, &mut stream, &line).await?;
+        if reply(station, &mut stream, &line).await == Cable::Cut {
+            return;
+        }
     }
 }
 
-async fn reply(station: &Station, stream: &mut DuplexStream, line: &[u8]) -> Option<()> {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Cable {
+    Whole,
+    Cut,
+}
+
+async fn reply(station: &Station, stream: &mut DuplexStream, line: &[u8]) -> Cable {
     let fault = {
         let mut world = station.world();
         let text = String::from_utf8_lossy(line).into_owned();
@@ -318,18 +333,19 @@ async fn reply(station: &Station, stream: &mut DuplexStream, line: &[u8]) -> Opt
         world.faults.pop_front().unwrap_or(otherwise)
     };
     if fault == Fault::LoseLine {
-        return Some(());
+        return Cable::Whole;
     }
     if fault == Fault::CutBefore {
-        return None;
+        return Cable::Cut;
     }
     if let Fault::Foreign(bytes) = &fault {
-        return stream.write_all(bytes).await.ok();
+        say(stream, bytes).await;
+        return Cable::Whole;
     }
     let reply = station.world().answer(line);
     let bytes = match fault {
-        Fault::LoseReply => return Some(()),
-        Fault::CutAfter => return None,
+        Fault::LoseReply => return Cable::Whole,
+        Fault::CutAfter => return Cable::Cut,
         Fault::Delay(time) => {
             sleep(time).await;
             reply
@@ -340,11 +356,17 @@ async fn reply(station: &Station, stream: &mut DuplexStream, line: &[u8]) -> Opt
         Fault::Half(count) => reply[..count.min(reply.len())].to_vec(),
         Fault::Pause(count, time) => {
             let (first, second) = reply.split_at(count.min(reply.len()));
-            stream.write_all(first).await.ok()?;
+            say(stream, first).await;
             sleep(time).await;
             second.to_vec()
         }
         Fault::None | Fault::LoseLine | Fault::CutBefore => reply,
     };
-    stream.write_all(&bytes).await.ok()
+    say(stream, &bytes).await;
+    Cable::Whole
+}
+
+/// Sends bytes to whoever has the port open. Without one they are lost.
+async fn say(stream: &mut DuplexStream, bytes: &[u8]) {
+    let _ = stream.write_all(bytes).await;
 }
