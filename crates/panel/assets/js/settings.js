@@ -193,8 +193,8 @@ function rangeOf(row) {
   return `${row.min} to ${row.max}`;
 }
 
-/** Whether it is not what the controller had from its maker. */
-const differs = (row) => known(row.default) && known(row.value) && (row.at_default === undefined ? !alike(row.value, row.default) : row.at_default === false);
+/** Whether it is not what the controller had from its maker, as the controller rounds that. */
+const differs = (row) => row.at_default === false;
 
 /** Why a text cannot be the value of a setting; empty when it can. */
 function objection(row, text) {

@@ -120,6 +120,7 @@ impl Parameter {
             max: range.map(|(_, max)| max as f64),
             choices: Vec::new(),
             default: if is_number { info.default.into() } else { Value::Null },
+            at_default: is_number.then(|| value == info.default.to_string()),
             stored: Value::Null,
             value: as_json(value),
             writable: !is_fixed,

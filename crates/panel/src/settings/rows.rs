@@ -3,7 +3,7 @@
 use super::{Found, number};
 use serde::Serialize;
 use serde_json::Value;
-use stepdrive_host::settings::{Key, Standing};
+use stepdrive_host::settings::{Key, Standing, resolution};
 
 /// A setting, with all that is known of it.
 #[derive(Debug, Serialize)]
@@ -18,6 +18,9 @@ pub(super) struct Row {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) choices: Vec<Choice>,
     pub(super) default: Value,
+    /// Whether it is what the controller makes of its default, where both are known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) at_default: Option<bool>,
     /// What survives power-off, where that is known to differ.
     pub(super) stored: Value,
     /// `null` where the line does not tell it.
@@ -46,6 +49,7 @@ impl Row {
         let choices: Vec<Choice> =
             choices.map(|(value, name)| Choice { value: number(value), name }).collect();
         let obstacle = standing.forbids(key);
+        let (value, resolution) = (found.value(key), resolution(&[], &found.settings));
         Row {
             name: key.name(),
             group: key.group(),
@@ -56,8 +60,9 @@ impl Row {
             max: Some(max),
             choices: if key.is_switch() { Vec::new() } else { choices },
             default: number(key.default()),
+            at_default: value.map(|value| key.is_as_wanted(key.default(), value, resolution)),
             stored: Value::Null,
-            value: found.value(key).map_or(Value::Null, number),
+            value: value.map_or(Value::Null, number),
             writable: obstacle.is_none(),
             why_not: obstacle.map(|obstacle| obstacle.to_string()),
             volatile: key.is_volatile(),

@@ -26,8 +26,8 @@ async fn every_setting_is_shown_with_what_its_table_says() {
     let row = row(&stage, SMSD, "MAX_SPEED").await;
     let expected = json!({
         "name": "MAX_SPEED", "group": "Motion", "about": Reg::MaxSpeed.info().about, "unit": "full step/s",
-        "kind": "integer", "min": 16.0, "max": 15600.0, "default": Reg::MaxSpeed.info().default, "stored": null,
-        "value": Reg::MaxSpeed.info().default, "writable": true, "volatile": true, "source": Reg::MaxSpeed.info().source,
+        "kind": "integer", "min": 16.0, "max": 15600.0, "default": Reg::MaxSpeed.info().default, "at_default": true,
+        "stored": null, "value": Reg::MaxSpeed.info().default, "writable": true, "volatile": true, "source": Reg::MaxSpeed.info().source,
     });
     assert_eq!(row, expected);
     let current = self::row(&stage, SMSD, "WORK_CURRENT").await;
@@ -44,6 +44,24 @@ async fn every_setting_is_shown_with_what_its_table_says() {
     let rows = stage.get(SMD3).await.done();
     let settings = stepdrive_spec::smd3::commands::COMMANDS.iter().filter(|row| row.stored);
     assert_eq!(rows["rows"].as_array().map(Vec::len), Some(settings.count()));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_default_that_the_controller_rounds_is_still_its_default() {
+    let stage = Stage::new();
+    let amax = row(&stage, SMD3, "AMAX").await;
+    assert_eq!((&amax["default"], &amax["value"]), (&json!(1000), &json!(999.904)));
+    let rows = stage.get(SMD3).await.done();
+    let differing: Vec<&Value> = rows["rows"]
+        .as_array()
+        .expect("rows")
+        .iter()
+        .filter(|row| row["at_default"] != true)
+        .map(|row| &row["name"])
+        .collect();
+    assert_eq!(differing, [""; 0], "fresh from the factory");
+    stage.put(SMD3, &set(&json!({ "AMAX": 1001 }))).await.done();
+    assert_eq!(row(&stage, SMD3, "AMAX").await["at_default"], false);
 }
 
 #[tokio::test(start_paused = true)]
