@@ -125,6 +125,7 @@ impl SmsdClient {
     pub(super) async fn ask(&self, request: &Request, manner: Manner) -> Result<Reply, Trouble> {
         let mut tries = self.options.tries;
         let mut admitted_again = false;
+        let mut sent_on = None;
         loop {
             tries = tries.saturating_sub(1);
             let mut session = self.turn().await;
@@ -132,9 +133,12 @@ impl SmsdClient {
                 Ok(reply) => return Ok(reply.clone()),
                 Err(trouble) => trouble,
             };
-            let again = match trouble {
+            let again = match &trouble {
                 Trouble::NotSent(_) => tries > 0,
-                Trouble::Unanswered(_) => tries > 0 && manner.repeat,
+                Trouble::Unanswered(lost) => {
+                    sent_on = Some(lost.connection);
+                    tries > 0 && manner.repeat
+                }
                 // Nothing has changed there, so this may be repeated whatever it is.
                 Trouble::Exception(Exception::IllegalDataAddress) if manner.logged_in && !admitted_again => {
                     admitted_again = true;
@@ -143,9 +147,17 @@ impl SmsdClient {
                 Trouble::Exception(_) | Trouble::Told(_) => false,
             };
             if !again {
-                return Err(trouble);
+                return Err(after_all(trouble, sent_on));
             }
         }
+    }
+}
+
+/// The last trouble with a request, which may have arrived at an earlier try on this connection.
+fn after_all(trouble: Trouble, sent_on: Option<u64>) -> Trouble {
+    match (trouble, sent_on) {
+        (Trouble::NotSent(cause), Some(connection)) => Trouble::Unanswered(Lost { cause, connection }),
+        (trouble, _) => trouble,
     }
 }
 
