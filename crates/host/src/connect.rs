@@ -1,9 +1,8 @@
-//! Ways to reach a controller: TCP, a serial port, or whatever opens a stream of bytes.
+//! Ways to reach a controller: TCP, or whatever opens a stream of bytes. [`Serial`](crate::Serial) has a module of its own.
 
 use std::fmt;
 use std::future::Future;
 use std::io;
-use std::path::PathBuf;
 use std::pin::Pin;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
@@ -76,38 +75,6 @@ impl Connect for Tcp {
     }
 }
 
-/// The bit rate that serial ports are opened at. A USB port of a controller takes any and ignores it.
-const BAUD: u32 = 115_200;
-
-/// A controller at a serial port, which an SMD3's USB is.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Serial {
-    path: PathBuf,
-    name: String,
-}
-
-impl Serial {
-    /// The port with this path, as `/dev/ttyACM0`, or name, as `COM3`.
-    pub fn new(path: impl Into<PathBuf>) -> Serial {
-        let path = path.into();
-        let name = path.display().to_string();
-        Serial { path, name }
-    }
-}
-
-impl Connect for Serial {
-    fn connect(&self) -> BoxFuture<'_, io::Result<Box<dyn Stream>>> {
-        Box::pin(async move {
-            let port = serial2_tokio::SerialPort::open(&self.path, BAUD)?;
-            Ok(Box::new(port) as Box<dyn Stream>)
-        })
-    }
-
-    fn name(&self) -> &str {
-        &self.name
-    }
-}
-
 /// Whatever a function opens, under the name that errors are to give it.
 pub fn from_fn<F, S, R>(name: &str, open: F) -> impl Connect + use<F, S, R>
 where
@@ -136,17 +103,6 @@ where
     fn name(&self) -> &str {
         &self.name
     }
-}
-
-/// The serial ports of this computer, sorted.
-///
-/// # Errors
-/// When the system does not tell.
-pub fn serial_ports() -> io::Result<Vec<PathBuf>> {
-    let mut ports = serial2_tokio::SerialPort::available_ports()?;
-    ports.sort();
-    ports.dedup();
-    Ok(ports)
 }
 
 #[cfg(test)]

@@ -42,6 +42,7 @@ pub mod blocking;
 mod connect;
 mod direction;
 mod error;
+mod serial;
 pub mod settings;
 pub mod smd3;
 pub mod smsd;
@@ -50,7 +51,8 @@ pub mod units;
 pub mod uri;
 mod wire;
 
-pub use connect::{BoxFuture, Connect, Serial, Stream, Tcp, from_fn, serial_ports};
+pub use connect::{BoxFuture, Connect, Stream, Tcp, from_fn};
 pub use direction::Direction;
 pub use error::{Error, LineError};
+pub use serial::{Serial, serial_ports};
 pub use wire::Timeouts;

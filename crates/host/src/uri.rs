@@ -13,8 +13,9 @@
 //!
 //! A password never stands in a target: what is typed is seen by others and kept in histories.
 
-use crate::connect::{Connect, Serial, Tcp};
+use crate::connect::{Connect, Tcp};
 use crate::error::Error;
+use crate::serial::Serial;
 use crate::smsd::{Framing, Smsd, SmsdClient, SmsdOptions, SmsdUsbClient, WordOrder};
 use crate::units::shown;
 use std::fmt;

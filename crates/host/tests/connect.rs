@@ -78,3 +78,19 @@ async fn a_serial_port_that_is_not_there_is_an_error() {
     let error = Serial::new("/dev/stepdrive-no-such-port").connect().await.err().expect("not there");
     assert_eq!(error.kind(), std::io::ErrorKind::NotFound);
 }
+
+#[tokio::test(start_paused = true)]
+async fn a_serial_port_is_one_programs_until_it_closes_it() {
+    let (_master, path) = terminal();
+    let serial = Serial::new(&path);
+    let first = serial.connect().await.expect("a terminal");
+    let error = serial.connect().await.err().expect("the first has it");
+    assert_eq!(error.kind(), std::io::ErrorKind::ResourceBusy);
+    assert!(error.to_string().starts_with("another program has it open"), "{error}");
+    let waiting = serial.connect();
+    let leaving = async {
+        tokio::time::sleep(std::time::Duration::from_secs(1)).await;
+        drop(first);
+    };
+    tokio::join!(waiting, leaving).0.expect("the first has gone");
+}
