@@ -175,7 +175,7 @@ def test_errors_of_packets_are_answered_before_the_log_in_too(rig):
     for data, expected in [
         (bytes([START, STOP]), (0, ERROR_LEN)), (stuffed(RUN[:3]), (0, ERROR_LEN)), (stuffed(b"\0" + RUN[1:]), (0x42, ERROR_XOR)),
         (stuffed(packet(REQUEST, PASSWORD, 3, length=7)), (3, ERROR_LEN)),
-        (stuffed(packet(99, b"", 3)), (3, ERROR_ACCESS)), (stuffed(packet(REQUEST, b"", 3)), (3, ERROR_ACCESS)),
+        (stuffed(packet(99, b"", 3)), (3, ERROR_ACCESS)), (stuffed(packet(REQUEST, b"", 3)), (3, ERROR_LEN)),
     ]:
         usb.line.write(data)
         answer = Answer.of(usb.receive())

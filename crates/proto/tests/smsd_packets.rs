@@ -250,7 +250,7 @@ fn the_controller_greets_with_a_request_without_data() {
 #[test]
 fn the_greeting_is_no_request_and_answers_none() {
     let greeting = Packet { version: 2, packet_type: 0, id: 0, data: &[] };
-    assert_eq!(decode_request(&greeting, Firmware::Standard), Err(Malformed::Content(Code::ErrorLen)));
+    assert_eq!(decode_request(&greeting, Firmware::Standard), Err(Malformed::Packet(Code::ErrorLen)));
     assert_eq!(decode_reply(&greeting, &Request::Authorise(0)), Err(ReplyError::Type { found: 0 }));
 }
 
@@ -275,12 +275,21 @@ fn data_that_are_not_as_long_as_their_type_has_them_are_refused() {
                 let expected = if takes(info.packet_type, firmware, len) {
                     Ok(info.packet_type)
                 } else {
-                    Err(Malformed::Content(Code::ErrorLen))
+                    Err(wrong_length(info.packet_type))
                 };
                 let found = decode_request(&packet, firmware).map(|request| request.packet_type());
                 assert_eq!(found, expected, "{} {len}", info.name);
             }
         }
+    }
+}
+
+/// An attempt to log in is told its length whoever is logged in (decision 25).
+fn wrong_length(packet_type: PacketType) -> Malformed {
+    if packet_type == PacketType::Request {
+        Malformed::Packet(Code::ErrorLen)
+    } else {
+        Malformed::Content(Code::ErrorLen)
     }
 }
 

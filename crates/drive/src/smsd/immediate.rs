@@ -55,6 +55,8 @@ impl Smsd {
         Ok(Answer { status, code, data })
     }
 
+    /// ASSUMED: bits of the data beyond those of the operand are not looked at, as in a program.
+    ///
     /// ASSUMED: waits, jumps, loops and calls act in a program only; their operands are looked at all the same. There is
     /// nothing that `RETURN_PROGRAM` could return from.
     fn act_at_once(

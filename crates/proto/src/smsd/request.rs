@@ -10,14 +10,16 @@ use stepdrive_spec::smsd::standard::{Code, Firmware, Malformed, PacketType, Requ
 /// the controller to say; the firmware decides how long LAN parameters are.
 ///
 /// # Errors
-/// Always [`Malformed::Content`], with
+/// [`Malformed::Content`], of an attempt to log in [`Malformed::Packet`] (decision 25), with
 /// * [`Code::ErrorNoCommand`]: there is no such type, or it is the one that is not for hosts;
 /// * [`Code::ErrorLen`]: the data are not as long as the type has them.
 pub fn decode_request(packet: &Packet<'_>, firmware: Firmware) -> Result<Request, Malformed> {
     let packet_type =
         PacketType::from_code(packet.packet_type).filter(|known| *known != PacketType::Response);
     let packet_type = packet_type.ok_or(Malformed::Content(Code::ErrorNoCommand))?;
-    request(packet_type, packet.data, firmware).ok_or(Malformed::Content(Code::ErrorLen))
+    let is_log_in = packet_type == PacketType::Request;
+    let wrong = if is_log_in { Malformed::Packet } else { Malformed::Content };
+    request(packet_type, packet.data, firmware).ok_or(wrong(Code::ErrorLen))
 }
 
 /// Writes a packet with the request into `buf`.

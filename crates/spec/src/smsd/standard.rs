@@ -446,7 +446,8 @@ pub enum Reply {
 /// A packet that carries no request, and what it is answered with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Malformed {
-    /// The packet as such is wrong, [`Code::ErrorLen`] or [`Code::ErrorXor`]; answered whoever is logged in.
+    /// The packet as such is wrong, or an attempt to log in has not the length of a password: [`Code::ErrorLen`] or
+    /// [`Code::ErrorXor`], answered whoever is logged in.
     Packet(Code),
     /// Its content is wrong: an unknown type, or data of a length that the type does not have. Answered
     /// [`Code::ErrorAccess`] as long as nobody has logged in.
