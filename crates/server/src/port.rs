@@ -133,7 +133,8 @@ pub(crate) async fn serve_pty(mut port: Pty, party: impl Party) {
 }
 
 /// One after the other: the last command of a client is carried out even when it has closed the port by then, and the
-/// next client reads nothing that was meant for it.
+/// next client reads nothing that was meant for it. Only when the next one has opened the port before the last bytes are read
+/// does nothing tell whose they are, and they are taken for the new one's.
 async fn serve_clients_of(port: &mut Pty, party: &impl Party) -> Result<Infallible, io::Error> {
     loop {
         port.opened().await?;

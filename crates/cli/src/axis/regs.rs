@@ -14,6 +14,7 @@ use stepdrive_host::smsd::{Reading, Smsd};
 use stepdrive_host::{Error, LineError};
 use stepdrive_spec::smd3::commands::{Access, COMMANDS, Command, CommandInfo, Value};
 use stepdrive_spec::smsd::registers::{self, REGISTERS, Reg, Register};
+use stepdrive_spec::smsd::standard::STANDARD_PORT;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -134,7 +135,7 @@ fn smsd_rows(client: &dyn Smsd, row: &'static Register, readings: &[Reading]) ->
             let error = client.check_readable(row.id).err().filter(|_| tells).map(|why| why.to_string());
             vec![Row { error, shown: "-".to_owned(), ..smsd_row(row, row.address, name, Json::Null) }]
         }
-        [value] => vec![smsd_value(row, *value)],
+        [value] => vec![smsd_value(row, *value, usual(row, readings))],
         [first, rest @ ..] if row.id == Reg::CmdBuffer => {
             if rest.iter().all(|value| value == first) {
                 let shown = format!("{} in all {}", hex(row, *first), values.len());
@@ -173,13 +174,19 @@ fn smsd_row(row: &'static Register, address: u16, name: String, value: Json) -> 
     }
 }
 
-fn smsd_value(row: &'static Register, value: i64) -> Row {
+/// What a register holds at the factory. Who has no unit identifier has the standard firmware.
+fn usual(row: &Register, readings: &[Reading]) -> i64 {
+    let is_standard = readings.iter().all(|reading| reading.reg != Reg::LanId);
+    if row.id == Reg::LanPort && is_standard { STANDARD_PORT.into() } else { row.default }
+}
+
+fn smsd_value(row: &'static Register, value: i64, usual: i64) -> Row {
     let is_setting = Key::all(Family::Smsd).contains(&Key::Smsd(row.id))
         || (row.stored && row.access == registers::Access::ReadWrite);
     Row {
         meaning: meaning::of_register(row, value),
-        default: is_setting.then(|| row.default.into()),
-        differs: is_setting && value != row.default,
+        default: is_setting.then(|| usual.into()),
+        differs: is_setting && value != usual,
         shown: written(row, value),
         ..smsd_row(row, row.address, row.name.to_owned(), value.into())
     }

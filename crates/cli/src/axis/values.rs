@@ -155,6 +155,11 @@ async fn set_register(client: &dyn Smsd, name: &str, value: &str) -> Result<Read
             "{slot} is no setting, but does something; {instead}; nothing was sent"
         )));
     }
+    if client.keeps(slot.reg) {
+        return Err(Failure::Usage(format!(
+            "{slot} is no setting on this line, but goes out with a command; give it there, as `home --speed`; nothing was sent"
+        )));
+    }
     let value = whole(&slot.to_string(), value)?;
     client.write_at(slot.reg, slot.index, value).await?;
     if client.check_readable(slot.reg).is_err() {

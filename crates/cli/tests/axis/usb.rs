@@ -4,7 +4,7 @@ use crate::bench::Bench;
 use crate::rig::{self, Ran, until};
 use serde_json::{Value, json};
 use std::fs;
-use std::io::Write as _;
+use std::io::{BufRead as _, Write as _};
 use std::process::Stdio;
 
 /// Waits for 40 s of rig time.
@@ -298,4 +298,40 @@ fn the_standard_firmware_is_driven_over_tcp() {
     let text = fs::read_to_string(bench.place().path("big.toml")).expect("written");
     assert!(text.contains("\n[lan]\nip = "), "{text}");
     assert_eq!(bench.run(&format!("settings diff big.toml -a {at}")).code(), 0);
+    let rows = bench.json(&format!("regs -a {at}"))["rows"].as_array().expect("rows").clone();
+    let port = rows.iter().find(|row| row["name"] == "Port").expect("a row");
+    assert_eq!(port["default"], 5000);
+
+    let with_id = text.replace("[lan]\n", "[lan]\nid = 3\n").replace("ACC = 1000", "ACC = 1001");
+    assert_ne!(with_id, text);
+    bench.write("other.toml", &with_id);
+    let said = bench.run(&format!("settings apply other.toml --lan -a {at}")).refused(1);
+    assert!(
+        said.contains("has the standard firmware, which has none; take it out; nothing was sent"),
+        "{said}"
+    );
+}
+
+#[test]
+fn what_goes_out_with_a_command_is_no_setting() {
+    let bench = Bench::over_usb();
+    for name in ["TARGET_SPEED", "TARGET_POS", "TARGET_INPUT"] {
+        let said = bench.run(&format!("set -a stage {name} 1")).refused(1);
+        assert!(said.starts_with(&format!("{name} is no setting on this line")), "{said}");
+    }
+}
+
+#[test]
+fn a_port_that_another_program_has_open_is_told_as_such() {
+    let bench = Bench::over_usb();
+    let mut term =
+        bench.command("term -a stage").stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("started");
+    let mut said = std::io::BufReader::new(term.stdout.take().expect("piped"));
+    term.stdin.as_mut().expect("piped").write_all(b"status\n").expect("it listens");
+    said.read_line(&mut String::new()).expect("it has answered, so it holds the port");
+    let refused = bench.run("get -a stage ABS_POS").refused(5);
+    assert!(refused.contains("another program has it open"), "{refused}");
+    drop(term.stdin.take());
+    term.wait().expect("ended");
+    bench.run("get -a stage ABS_POS").done();
 }

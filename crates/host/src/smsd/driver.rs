@@ -74,6 +74,12 @@ pub trait Smsd: Send + Sync + fmt::Debug {
         reg.info().default
     }
 
+    /// Whether a register is only kept here when it is written, and goes out with the next command. By itself it is nothing
+    /// to set then.
+    fn keeps(&self, _reg: Reg) -> bool {
+        false
+    }
+
     /// Reads one of several registers in a row of the map, as an octet of `IP {}`. Bits read as 0 and 1.
     ///
     /// # Errors
@@ -122,7 +128,7 @@ pub trait Smsd: Send + Sync + fmt::Debug {
     /// What the controller says that it is.
     fn identity(&self) -> Answer<'_, Identity>;
 
-    /// The model; `None` for one that the maker does not list.
+    /// The model; `None` for one that the maker does not list, or of a controller that does not tell.
     fn model(&self) -> Answer<'_, Option<Model>> {
         Box::pin(async move {
             let hw_major = self.read(Reg::HwMajor).await?;

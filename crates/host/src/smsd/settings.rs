@@ -18,14 +18,12 @@ const CHANGE: u16 = 1;
 /// What a controller says that it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Identity {
-    /// The model; `None` for a `HW_MAJOR` that the maker does not list.
+    /// The model; `None` for a `HW_MAJOR` that the maker does not list, and where that is not told.
     pub model: Option<Model>,
-    /// `HW_MAJOR`.
-    pub hw_major: u16,
-    /// `HW_VER`.
-    pub hw_ver: u16,
-    /// `FW_MAJOR`, `FW_MINOR`.
-    pub firmware: (u16, u16),
+    /// `HW_MAJOR`, `HW_VER`; `None` where the controller does not tell.
+    pub hardware: Option<(u16, u16)>,
+    /// `FW_MAJOR`, `FW_MINOR`; `None` where the controller does not tell.
+    pub firmware: Option<(u16, u16)>,
     /// `RM_MAJOR`, `RM_MINOR`; `None` where the line does not tell.
     pub register_map: Option<(u16, u16)>,
     /// Version of the standard protocol, 1 or 2; `None` where the line does not tell.
@@ -35,12 +33,17 @@ pub struct Identity {
 impl fmt::Display for Identity {
     /// As in `SMSD-4.2LAN, hardware 1, firmware 1.3, register map 4.3`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.model {
-            Some(model) => write!(f, "{model}")?,
-            None => write!(f, "unknown model {}", self.hw_major)?,
+        match (self.model, self.hardware) {
+            (Some(model), _) => write!(f, "{model}")?,
+            (None, Some((major, _))) => write!(f, "unknown model {major}")?,
+            (None, None) => write!(f, "an SMSD that does not tell its model")?,
         }
-        let (major, minor) = self.firmware;
-        write!(f, ", hardware {}, firmware {major}.{minor}", self.hw_ver)?;
+        if let Some((_, version)) = self.hardware {
+            write!(f, ", hardware {version}")?;
+        }
+        if let Some((major, minor)) = self.firmware {
+            write!(f, ", firmware {major}.{minor}")?;
+        }
         if let Some((major, minor)) = self.register_map {
             write!(f, ", register map {major}.{minor}")?;
         }
@@ -60,9 +63,8 @@ impl SmsdClient {
             |place: usize| values.get(place).and_then(|value| u16::try_from(*value).ok()).unwrap_or(0);
         Ok(Identity {
             model: model_of(value(0)),
-            hw_major: value(0),
-            hw_ver: value(1),
-            firmware: (value(2), value(3)),
+            hardware: Some((value(0), value(1))),
+            firmware: Some((value(2), value(3))),
             register_map: Some((value(4), value(5))),
             protocol: None,
         })

@@ -6,6 +6,7 @@ use std::net::Ipv4Addr;
 use stepdrive_host::Error;
 use stepdrive_host::smsd::{LanParameters, Smsd};
 use stepdrive_spec::smsd::registers::Reg;
+use stepdrive_spec::smsd::standard::STANDARD_PORT;
 
 /// A LAN parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,6 +105,8 @@ impl Parameter {
         let info = self.reg().info();
         let value = self.text(lan)?;
         let is_number = info.count == 1;
+        let is_standard = lan.id.is_none();
+        let default = if self == Parameter::Port && is_standard { STANDARD_PORT.into() } else { info.default };
         let as_json = |text: String| match text.parse::<i64>().ok().filter(|_| is_number) {
             Some(number) => number.into(),
             None => Value::String(text),
@@ -119,8 +122,8 @@ impl Parameter {
             min: range.map(|(min, _)| min as f64),
             max: range.map(|(_, max)| max as f64),
             choices: Vec::new(),
-            default: if is_number { info.default.into() } else { Value::Null },
-            at_default: is_number.then(|| value == info.default.to_string()),
+            default: if is_number { default.into() } else { Value::Null },
+            at_default: is_number.then(|| value == default.to_string()),
             stored: Value::Null,
             value: as_json(value),
             writable: !is_fixed,

@@ -130,6 +130,13 @@ async fn lan_plan(
         return Err(Failure::Usage(format!("{} has no [lan]; leave --lan out", file.name)));
     };
     let Some(now) = lan_of(opened).await? else { return Ok(None) };
+    if wanted.id.is_some() && now.id.is_none() {
+        return Err(Failure::Usage(format!(
+            "{} gives an id in [lan], and {} has the standard firmware, which has none; take it out; nothing was sent",
+            file.name,
+            opened.name()
+        )));
+    }
     let wanted = LanParameters { mac: now.mac, ..wanted };
     Ok(Some((wanted, lan_differences(&wanted, &now))))
 }

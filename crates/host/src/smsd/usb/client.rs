@@ -1,5 +1,6 @@
 //! The client, and how a request is made until it has its reply.
 
+use super::primitives::model_in;
 use super::session::{Session, Trouble};
 use super::table;
 use crate::Error;
@@ -8,11 +9,11 @@ use crate::smsd::client::Manner;
 use crate::smsd::options::SmsdOptions;
 use crate::smsd::session::Lost;
 use std::collections::BTreeMap;
-use std::sync::{Mutex as StdMutex, MutexGuard as StdMutexGuard, PoisonError};
+use std::sync::{Mutex as StdMutex, MutexGuard as StdMutexGuard, OnceLock, PoisonError};
 use stepdrive_proto::smsd::Framing;
 use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::registers::Reg;
-use stepdrive_spec::smsd::standard::{Code, Reply, Request};
+use stepdrive_spec::smsd::standard::{Code, Reply, Request, Versions};
 use tokio::sync::{Mutex, MutexGuard};
 
 /// A controller's host over the standard binary protocol: at its USB port, or over TCP if it has the standard firmware.
@@ -59,8 +60,8 @@ pub struct SmsdUsbClient {
     pub(super) session: Mutex<Session>,
     /// What was written last to registers that cannot be read.
     written: StdMutex<BTreeMap<Reg, i64>>,
-    /// The model, once it is known: it never changes.
-    model: StdMutex<Option<Model>>,
+    /// The versions, once they were answered, or that the controller does not tell them: that never changes.
+    pub(super) versions: OnceLock<Option<Versions>>,
     /// Held while it is found out whether a command was carried out.
     pub(super) command: Mutex<()>,
     /// Held while something is read, changed and written as a whole, and while a password changes.
@@ -76,7 +77,7 @@ impl SmsdUsbClient {
             tries: options.tries,
             session: Mutex::new(Session::new(Box::new(connect), framing, &options)),
             written: StdMutex::default(),
-            model: StdMutex::default(),
+            versions: OnceLock::new(),
             command: Mutex::new(()),
             whole: Mutex::new(()),
         }
@@ -174,13 +175,9 @@ impl SmsdUsbClient {
         self.written.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The model, if it is known by now.
+    /// The model, if it is known already.
     pub(super) fn known_model(&self) -> Option<Model> {
-        *self.model.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub(super) fn remember_model(&self, model: Model) {
-        *self.model.lock().unwrap_or_else(PoisonError::into_inner) = Some(model);
+        self.versions.get().copied().flatten().and_then(model_in)
     }
 }
 

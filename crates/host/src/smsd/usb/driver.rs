@@ -1,6 +1,8 @@
 //! [`Smsd`] over the standard protocol.
 
 use super::client::SmsdUsbClient;
+use super::primitives::model_in;
+use super::table::is_operand;
 use crate::connect::BoxFuture;
 use crate::error::Error;
 use crate::smsd::driver::{Answer, Progress, Smsd, Step};
@@ -11,6 +13,7 @@ use crate::smsd::snapshot::{ProgramState, Snapshot};
 use crate::smsd::value::Slot;
 use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
 use stepdrive_spec::smsd::mode::MotorConfiguration;
+use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::status::Status;
 
@@ -41,6 +44,10 @@ impl Smsd for SmsdUsbClient {
 
     fn supposed(&self, reg: Reg) -> i64 {
         self.last_written(reg)
+    }
+
+    fn keeps(&self, reg: Reg) -> bool {
+        is_operand(reg)
     }
 
     fn read_at(&self, reg: Reg, index: u16) -> Answer<'_, i64> {
@@ -82,6 +89,10 @@ impl Smsd for SmsdUsbClient {
 
     fn identity(&self) -> Answer<'_, Identity> {
         Box::pin(self.what_it_is())
+    }
+
+    fn model(&self) -> Answer<'_, Option<Model>> {
+        Box::pin(async move { Ok(self.versions_if_told().await?.and_then(model_in)) })
     }
 
     fn snapshot(&self) -> Answer<'_, Snapshot> {

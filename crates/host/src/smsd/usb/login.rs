@@ -101,7 +101,7 @@ impl Session {
         let name = self.name();
         if code == Code::ErrorAccessTimeout {
             let waited: Duration = RESTS.iter().sum();
-            return Error::Refused(format!(
+            return Error::NotAuthorised(format!(
                 "{name} has not looked at the password within {waited:?} ({code}): somebody else logs in all the time, or \
                  its clock is slow; try again"
             ));

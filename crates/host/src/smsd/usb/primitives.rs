@@ -4,10 +4,12 @@ use super::client::SmsdUsbClient;
 use super::session::Trouble;
 use super::table::set_by;
 use super::trouble::{Asked, was_taken};
-use crate::Error;
+use crate::error::{Error, LineError};
 use crate::smsd::client::Manner;
 use crate::smsd::session::Lost;
+use crate::smsd::settings::model_of;
 use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
+use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::standard::{
     Answer, COUNTERS, Code, LanParameters, Reply, Request, Versions, Words, code_of,
 };
@@ -49,15 +51,40 @@ impl SmsdUsbClient {
         Ok(counters)
     }
 
-    /// The versions of hardware, firmware and protocol, as the controller answers them. The maker has not described it.
+    /// The versions of hardware, firmware and protocol, as the controller answers them. The maker has not described the
+    /// request.
     ///
     /// # Errors
-    /// [`Error::Line`], [`Error::NotAuthorised`], [`Error::Device`].
+    /// [`Error::Device`] when the controller does not tell. [`Error::Line`], [`Error::NotAuthorised`].
     pub async fn versions(&self) -> Result<Versions, Error> {
-        let asked = Asked::Read("the versions".to_owned());
-        let reply = self.told(&Request::GetVersions, &asked).await?;
-        let Reply::Versions(versions) = reply else { return Err(self.unexpected(&asked, &reply).await) };
-        Ok(versions)
+        match self.versions_if_told().await? {
+            Some(versions) => Ok(versions),
+            None => Err(Error::Device(format!("{} does not tell its versions", self.called().await))),
+        }
+    }
+
+    /// The versions, which never change; `None` when the controller does not know the request, answers it in a form of its
+    /// own, or not at all.
+    pub(super) async fn versions_if_told(&self) -> Result<Option<Versions>, Error> {
+        if let Some(versions) = self.versions.get() {
+            return Ok(*versions);
+        }
+        let versions = match self.ask(&Request::GetVersions, Manner::REPEATED).await {
+            Ok(Reply::Versions(versions)) => Some(versions),
+            Ok(_) | Err(Trouble::Refused(_)) => None,
+            // The line may have been the cause, so it is asked again when it is wanted again.
+            Err(Trouble::Unanswered(Lost {
+                cause: LineError::Silent { .. } | LineError::Garbled { .. },
+                ..
+            })) => {
+                return Ok(None);
+            }
+            Err(trouble) => {
+                let asked = Asked::Read("the versions".to_owned());
+                return Err(asked.explain(trouble, &self.called().await));
+            }
+        };
+        Ok(*self.versions.get_or_init(|| versions))
     }
 
     /// The version of the protocol that the controller's packets bear: 1 or 2. Logs in if it has not said anything yet.
@@ -202,6 +229,11 @@ fn fits(opcode: Opcode, code: Code) -> bool {
         return matches!(code, Code::StatusReleSet | Code::StatusReleClr);
     }
     !tells(opcode) || code == code_of(opcode)
+}
+
+/// The model that versions tell.
+pub(super) fn model_in(versions: Versions) -> Option<Model> {
+    model_of(versions.hardware[0])
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! The registers of the map, each by the request that reads or writes it.
 
 use super::client::SmsdUsbClient;
+use super::primitives::model_in;
 use super::session::Trouble;
 use super::table::{Place, Question, Sink, sink, source};
 use super::trouble::{Asked, forbidden};
 use crate::Error;
 use crate::smsd::client::Manner;
 use crate::smsd::registers::Reading;
-use crate::smsd::settings::model_of;
 use crate::smsd::value::{Slot, range};
 use std::collections::BTreeMap;
 use stepdrive_spec::smsd::instructions::{Instruction, Opcode};
@@ -71,9 +71,14 @@ impl SmsdUsbClient {
         // Only a controller with the Modbus firmware has a unit identifier.
         let lan = self.lan().await?;
         let has_id = lan.id.is_some();
-        let slots: Vec<Slot> =
-            rows.filter(|row| has_id || row.id != Reg::LanId).flat_map(Slot::all).collect();
-        let told = BTreeMap::from([(Question::Lan, Told::Lan(lan))]);
+        let mut told = BTreeMap::from([(Question::Lan, Told::Lan(lan))]);
+        let versions = self.versions_if_told().await?;
+        told.extend(versions.map(|versions| (Question::Versions, Told::Versions(versions))));
+        let is_told = |reg: Reg| match source(reg) {
+            Ok((Question::Versions, _)) => versions.is_some(),
+            _ => has_id || reg != Reg::LanId,
+        };
+        let slots: Vec<Slot> = rows.filter(|row| is_told(row.id)).flat_map(Slot::all).collect();
         let values = self.read_slots_with(told, &slots).await?;
         let reading = |(slot, value): (&Slot, i64)| Reading { reg: slot.row.id, index: slot.index, value };
         Ok(slots.iter().zip(values).map(reading).collect())
@@ -242,25 +247,9 @@ impl SmsdUsbClient {
         if !values.iter().any(|(slot, _)| matches!(slot.row.limits, Limits::ByModel(..))) {
             return Ok(None);
         }
-        let model = self.model_if_told().await?;
+        let model = self.versions_if_told().await?.and_then(model_in);
         for (slot, value) in values {
             slot.check(*value, model)?;
-        }
-        Ok(model)
-    }
-
-    /// The model; `None` when the controller does not tell. Nothing that the maker has described asks it.
-    async fn model_if_told(&self) -> Result<Option<Model>, Error> {
-        if let Some(model) = self.known_model() {
-            return Ok(Some(model));
-        }
-        let model = match self.versions().await {
-            Ok(versions) => model_of(versions.hardware[0]),
-            Err(Error::Device(_) | Error::Refused(_)) => None,
-            Err(error) => return Err(error),
-        };
-        if let Some(model) = model {
-            self.remember_model(model);
         }
         Ok(model)
     }

@@ -1,6 +1,7 @@
 //! What a controller is, its motor configuration, its program and its password.
 
 use super::client::SmsdUsbClient;
+use super::primitives::model_in;
 use super::registers::in_words;
 use super::session::Trouble;
 use super::table::{Place, Sink, source};
@@ -8,7 +9,7 @@ use super::trouble::Asked;
 use crate::Error;
 use crate::smsd::client::Manner;
 use crate::smsd::session::Lost;
-use crate::smsd::settings::{Identity, model_of};
+use crate::smsd::settings::Identity;
 use crate::smsd::snapshot::{ProgramState, between};
 use crate::smsd::value::Slot;
 use stepdrive_spec::smsd::mode::MotorConfiguration;
@@ -16,18 +17,17 @@ use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::standard::Request;
 
 impl SmsdUsbClient {
-    /// What the controller says that it is.
+    /// What the controller says that it is; one may leave all but the protocol untold.
     pub(super) async fn what_it_is(&self) -> Result<Identity, Error> {
-        let versions = self.versions().await?;
-        let [hw_major, hw_ver] = versions.hardware;
-        let [fw_major, fw_minor] = versions.firmware;
+        let versions = self.versions_if_told().await?;
+        let protocol = self.protocol_version().await?;
+        let pair = |[major, minor]: [u16; 2]| (major, minor);
         Ok(Identity {
-            model: model_of(hw_major),
-            hw_major,
-            hw_ver,
-            firmware: (fw_major, fw_minor),
+            model: versions.and_then(model_in),
+            hardware: versions.map(|versions| pair(versions.hardware)),
+            firmware: versions.map(|versions| pair(versions.firmware)),
             register_map: None,
-            protocol: Some(versions.protocol),
+            protocol: Some(protocol),
         })
     }
 
