@@ -1,9 +1,11 @@
 //! A drive at the end of a serial line in memory that can be made to fail, on virtual time.
 
 use std::collections::VecDeque;
-use std::future::pending;
+use std::future::{pending, poll_fn};
 use std::io;
+use std::pin::{Pin, pin};
 use std::sync::{Arc, Mutex, MutexGuard};
+use std::task::Poll;
 use std::time::Duration;
 use stepdrive_drive::smd3::{Config, Smd3, Stored};
 use stepdrive_host::smd3::Smd3Client;
@@ -57,7 +59,7 @@ pub(crate) enum Fault {
 /// sent before the port was closed comes before what is sent once it is open again.
 pub(crate) struct Station {
     world: Mutex<World>,
-    /// Held by the connection whose bytes come next.
+    /// Held by the connection whose bytes come next, until it has no more for the moment.
     turn: tokio::sync::Mutex<()>,
     cuts: watch::Sender<u64>,
 }
@@ -292,17 +294,30 @@ async fn serve(station: Arc<Station>, stream: DuplexStream) {
 
 /// Answers lines until the cable is cut, or all that came before the port was closed is taken.
 async fn talk(station: &Station, mut stream: DuplexStream) {
-    let _turn = station.turn.lock().await;
-    let mut byte = [0];
     let mut notice = station.cuts.subscribe();
+    let mut turn = None;
     loop {
         while station.world().deaf {
             if notice.changed().await.is_err() {
                 return;
             }
         }
-        if stream.read(&mut byte).await.unwrap_or(0) == 0 {
+        let mut byte = [0];
+        let count = {
+            let mut read = pin!(stream.read(&mut byte));
+            match at_once(read.as_mut()).await {
+                Some(count) => count,
+                None => {
+                    turn = None;
+                    read.await
+                }
+            }
+        };
+        if count.unwrap_or(0) == 0 {
             return;
+        }
+        if turn.is_none() {
+            turn = Some(station.turn.lock().await);
         }
         let mut rest = &byte[..];
         let line = match station.world().reader.take(&mut rest) {
@@ -314,6 +329,15 @@ async fn talk(station: &Station, mut stream: DuplexStream) {
             return;
         }
     }
+}
+
+/// What a future gives now; `None` when it has to be waited for.
+async fn at_once<T>(mut future: Pin<&mut impl Future<Output = T>>) -> Option<T> {
+    poll_fn(|context| match future.as_mut().poll(context) {
+        Poll::Ready(output) => Poll::Ready(Some(output)),
+        Poll::Pending => Poll::Ready(None),
+    })
+    .await
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

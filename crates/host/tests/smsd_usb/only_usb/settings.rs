@@ -1,21 +1,14 @@
 //! Identification, motor configuration, LAN parameters, password.
 
-use crate::bench::{Act, Bench, SECOND, Setup, text, timed};
-use crate::link::Fault;
+use crate::common::link::Fault;
+use crate::common::station::{SECOND, text};
+use crate::standard_bench::{Act, Bench, Setup};
+use crate::suite::settings::other;
 use stepdrive_host::Error;
 use stepdrive_host::smsd::{LanParameters, Smsd, SmsdOptions};
-use stepdrive_spec::smsd::mode::MotorConfiguration;
 use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::standard::Code;
-
-const MOTOR: MotorConfiguration = MotorConfiguration {
-    current_or_voltage: 0,
-    motor_type: 30,
-    microstepping: 7,
-    work_current: 25,
-    stop_current: 3,
-};
 
 #[tokio::test(start_paused = true)]
 async fn a_controller_says_what_it_is() {
@@ -37,36 +30,25 @@ async fn a_controller_that_does_not_say_what_it_is_takes_what_any_model_takes() 
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_motor_configuration_is_set_as_a_whole() {
+async fn a_controller_that_does_not_know_the_question_tells_all_but_what_it_is() {
     let bench = Bench::ready().await;
-    assert_eq!(bench.client.motor_configuration().await, Ok(MotorConfiguration::FACTORY));
-    bench.client.set_motor_configuration(&MOTOR).await.expect("de-energised");
-    assert_eq!(bench.change(|drive, _| drive.memory().motor), MOTOR);
-    assert_eq!(bench.client.motor_configuration().await, Ok(MOTOR));
-    let wrong = MotorConfiguration { work_current: 43, ..MOTOR };
-    assert!(
-        text(bench.client.set_motor_configuration(&wrong).await)
-            .starts_with("WORK_CURRENT 43 is out of range")
-    );
-    bench.client.hard_stop().await.expect("always taken");
-    assert_eq!(
-        text(bench.client.set_motor_configuration(&MotorConfiguration::FACTORY).await),
-        "stage refused to write CURRENT_OR_VOLTAGE 1, MOTOR_TYPE 0, MICROSTEPPING 4, WORK_CURRENT 10, STOP_CURRENT 1: \
-         the motor is energised; de-energise it first (Soft HiZ or Hard HiZ); \
-         nothing was changed but CMD_ERROR, which is set: clear it (CLR)"
-    );
+    bench.faults([Fault::Refuse(Code::ErrorNoCommand)]);
+    let identity = bench.client.identity().await.expect("logged in");
+    assert_eq!(identity.to_string(), "an SMSD that does not tell its model, protocol 2");
+    assert_eq!((bench.client.model().await, identity.hardware, identity.firmware), (Ok(None), None, None));
+    assert_eq!(text(bench.client.read(Reg::FwMajor).await), "stage does not tell its versions");
+    let readings = bench.client.read_all().await.expect("the rest");
+    assert!(readings.iter().any(|reading| reading.reg == Reg::AbsPos));
+    assert!(readings.iter().all(|reading| reading.reg != Reg::HwMajor));
 }
 
-fn other(before: LanParameters) -> LanParameters {
-    LanParameters {
-        id: before.id.map(|_| 17),
-        mac: [2, 3, 4, 5, 6, 7],
-        ip: [10, 0, 0, 5],
-        subnet_mask: [255, 0, 0, 0],
-        gateway: [10, 0, 0, 1],
-        dns: [0xFA, 0xFB, 0xFE, 9],
-        port: 5020,
-        dhcp: true,
+#[tokio::test(start_paused = true)]
+async fn a_controller_that_cannot_be_understood_when_it_tells_what_it_is_is_asked_again_later() {
+    for fault in [Fault::LoseReply, Fault::DamageReply(8, 1)] {
+        let bench = Bench::ready().await;
+        bench.faults([fault.clone(), fault.clone(), fault.clone()]);
+        assert_eq!(bench.client.model().await, Ok(None), "{fault:?}");
+        assert_eq!(bench.client.model().await, Ok(Some(Model::Smsd42)), "{fault:?}");
     }
 }
 
@@ -74,12 +56,9 @@ fn other(before: LanParameters) -> LanParameters {
 async fn lan_parameters_are_set_at_once_over_usb() {
     let bench = Bench::ready().await;
     let before = bench.client.lan_parameters().await.expect("logged in");
-    assert_eq!((before.id, before.ip, before.port, before.dhcp), (Some(1), [192, 168, 1, 2], 502, false));
-    assert_eq!(before.mac, [0x00, 0xF8, 0xDC, 0x3F, 0x00, 0x00]);
-    let wanted = other(before);
-    bench.client.configure_lan(&wanted).await.expect("in range");
+    assert_eq!(before.id, Some(1));
+    bench.client.configure_lan(&other(before)).await.expect("in range");
     assert_eq!(bench.change(|drive, _| drive.unit()), 17);
-    assert_eq!(bench.client.lan_parameters().await, Ok(wanted));
     bench.client.configure_lan(&LanParameters { id: None, ..before }).await.expect("in range");
     assert_eq!(bench.client.lan_parameters().await, Ok(LanParameters { id: Some(17), ..before }));
     assert_eq!(bench.attempts().len(), 1, "USB stays");
@@ -143,55 +122,6 @@ async fn lan_parameters_that_read_back_otherwise_are_told() {
     let error = bench.client.configure_lan(&lan).await.expect_err("read back with DHCP");
     assert!(error.to_string().starts_with("the LAN parameters were written as "), "{error}");
     assert_eq!(error.exit_code(), 10);
-}
-
-#[tokio::test(start_paused = true)]
-async fn a_changed_password_counts_from_the_next_connection_on() {
-    let bench = Bench::ready().await;
-    bench.client.change_password(0xFEDC_BA98_7654_3210).await.expect("authorised");
-    assert_eq!(bench.acts(), [Act::Password]);
-    assert_eq!(bench.client.read(Reg::Speed).await, Ok(0));
-    bench.cut();
-    assert_eq!(bench.client.read(Reg::Speed).await, Ok(0));
-    let old = bench.another(SmsdOptions::default());
-    assert!(matches!(old.read(Reg::Speed).await, Err(Error::NotAuthorised(_))));
-}
-
-#[tokio::test(start_paused = true)]
-async fn a_change_of_password_that_is_not_answered_is_settled_by_logging_in() {
-    let bench = Bench::ready().await;
-    bench.faults([Fault::LoseReply]);
-    let (changed, took) = timed(bench.client.change_password(5)).await;
-    assert_eq!(changed, Ok(()), "it was carried out");
-    assert!(took < 3 * SECOND, "{took:?}");
-    assert_eq!(bench.acts(), [Act::Password]);
-    bench.faults([Fault::LoseRequest]);
-    let told = text(bench.client.change_password(6).await);
-    assert_eq!(
-        told,
-        "the change of the password was sent, but its reply was lost (stage did not answer within 1s); \
-         it was not sent again: the password before is in force; \
-         this was read on another connection, so what was sent may still arrive"
-    );
-    assert!(bench.acts().is_empty());
-    assert_eq!(bench.change(|drive, _| drive.memory().password), 5);
-}
-
-#[tokio::test(start_paused = true)]
-async fn a_client_that_does_not_know_which_password_is_in_force_tries_both() {
-    for arrives in [true, false] {
-        let bench = Bench::ready().await;
-        bench.faults([if arrives { Fault::LoseReply } else { Fault::LoseRequest }]);
-        bench.otherwise(Fault::LoseReply);
-        let told = text(bench.client.change_password(5).await);
-        assert!(told.contains("which password is in force could not be found out"), "{told}");
-        bench.heal();
-        assert_eq!(bench.client.read(Reg::Speed).await, Ok(0));
-        assert_eq!(bench.change(|drive, _| drive.memory().password == 5), arrives);
-        bench.cut();
-        tokio::time::sleep(SECOND).await;
-        assert_eq!(bench.client.change_password(9).await, Ok(()));
-    }
 }
 
 #[tokio::test(start_paused = true)]
