@@ -9,7 +9,8 @@ pub(crate) fn replace(file: &Path, bytes: &[u8]) -> Result<(), Failure> {
     // A link stays a link; what it points at is replaced.
     let target = file.canonicalize().unwrap_or_else(|_| file.to_owned());
     let mut beside = target.clone().into_os_string();
-    beside.push(".new");
+    // Of its own for each program: two that end together each write a whole file.
+    beside.push(format!(".{}.new", std::process::id()));
     let beside = PathBuf::from(beside);
     let written = fs::write(&beside, bytes).and_then(|()| {
         if let Ok(there) = fs::metadata(&target) {
