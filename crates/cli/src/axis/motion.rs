@@ -90,7 +90,8 @@ pub(crate) struct RunArgs {
   $ stepdrive stop -a stage
   stage is at 3.2mm (128 full steps), trusted
 
-An SMD3 that is stopped with --hard or --free is disabled until `stepdrive clear`, as nothing else stops or frees it so.")]
+A user program that runs in an SMSD ends too, or it would move the motor again. An SMD3 that is stopped with --hard or --free
+is disabled until `stepdrive clear`, as nothing else stops or frees it so.")]
 pub(crate) struct StopArgs {
     #[command(flatten)]
     axis: AxisArgs,

@@ -141,6 +141,14 @@ fn units_and_words_that_do_not_fit_are_exit_code_1() {
         ("to 5 furlongs", "the unit `furlongs` is unknown; it is one of mm, deg, turns, steps"),
         ("by 1mm --speed 1deg/s", "1 deg/s: deg/s do not fit this axis, which takes mm, turns, steps"),
         ("by 1mm --speed 0mm/s", "a speed is above 0, not 0mm/s; the direction is said by itself"),
+        (
+            "by 1mm --dry-run --speed 2500mm/s",
+            "MAX_SPEED 100000 is out of range: 16 to 15600 full steps/s; nothing was sent",
+        ),
+        (
+            "by 1mm --dry-run --speed 0.000000001turns/s",
+            "MAX_SPEED 2e-7 is out of range: 16 to 15600 full steps/s; nothing was sent",
+        ),
     ] {
         assert_eq!(bench.run(&format!("move -a stage {words}")).refused(1), told, "{words}");
     }

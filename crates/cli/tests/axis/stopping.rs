@@ -115,3 +115,24 @@ fn a_stop_from_elsewhere_ends_a_move_with_exit_code_7() {
     running.end().refused(7);
     assert_eq!(bench.json("status -a stage")["trust"], "suspect");
 }
+
+#[test]
+fn a_stop_ends_a_program_too() {
+    let bench = Bench::in_real_time();
+    bench.make_ready();
+    bench.write("p.smsd", "again:\n    MOVE_F 1600\n    MOVE_R 1600\n    GOTO_PROGRAM again\n");
+    bench.run("program store p.smsd --mem 0 -a stage").done();
+    for (how, energised) in [("", true), ("--hard", true), ("--free", false)] {
+        bench.run("program start 0 -a stage").done();
+        until(|| bench.rig.drive(0)["speed"].as_f64().is_some_and(|speed| speed > 0.0));
+        let stopped = bench.json(&format!("stop -a stage {how}"));
+        assert_eq!((&stopped["moving"], &stopped["energised"]), (&json!(false), &json!(energised)), "{how}");
+        assert_eq!(bench.json("get -a stage PROGRAM_RUN")["values"][0]["value"], 0, "{how}");
+        let status = bench.json("status -a stage");
+        assert_eq!(
+            (&status["moving"], &status["position_mm"]),
+            (&json!(false), &stopped["position_mm"]),
+            "{how}"
+        );
+    }
+}

@@ -1,8 +1,10 @@
 //! An axis over a motor of either family.
 
+use super::checks::{check_range, check_room, differs, to, told};
 use super::limits::SoftLimits;
 use super::motor::{Fault, Look, Motion, Motor, Order, Setup};
 use super::plan::{self, Plan};
+use super::stops::{Leave, Stops};
 use super::wait::Pace;
 use super::{Axis, AxisState, MoveOptions, Stop};
 use crate::connect::BoxFuture;
@@ -11,9 +13,11 @@ use crate::error::Error;
 use crate::trust::{Doubt, Trust, TrustState};
 use crate::units::{Amount, Goal, Scale};
 use std::fmt;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex as StdMutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
+/// What is done until a motor moves.
+const SENT_OFF: &str = "it was being sent off";
 
 /// An axis over a motor.
 pub struct DriveAxis<M> {
@@ -21,8 +25,7 @@ pub struct DriveAxis<M> {
     scale: Scale,
     limits: SoftLimits,
     watched: StdMutex<Watched>,
-    /// How often somebody has asked to stop.
-    stops: AtomicU64,
+    stops: Stops,
     /// Held while a motion is prepared and started.
     turn: tokio::sync::Mutex<()>,
 }
@@ -92,7 +95,7 @@ impl<M: Motor> DriveAxis<M> {
             scale: Scale::STEPS,
             limits: SoftLimits::OFF,
             watched: StdMutex::new(Watched::new(TrustState::new())),
-            stops: AtomicU64::new(0),
+            stops: Stops::default(),
             turn: tokio::sync::Mutex::new(()),
         }
     }
@@ -220,9 +223,16 @@ impl<M: Motor> DriveAxis<M> {
         }
     }
 
+    /// The speed that is asked for, in full steps a second; one that the controller takes.
+    fn speed(&self, options: &MoveOptions) -> Result<Option<f64>, Error> {
+        let speed = options.speed.map(|speed| self.scale.steps_per_s(speed)).transpose()?;
+        speed.map_or(Ok(()), |speed| self.motor.check_speed(speed))?;
+        Ok(speed)
+    }
+
     /// Checks a move and works it out.
     async fn check(&self, goal: Goal, options: &MoveOptions) -> Result<Checked, Error> {
-        let speed = options.speed.map(|speed| self.scale.steps_per_s(speed)).transpose()?;
+        let speed = self.speed(options)?;
         let asked = self.scale.full_steps(goal.amount())?;
         let look = self.look().await?;
         self.check_ready(&look)?;
@@ -274,29 +284,18 @@ impl<M: Motor> DriveAxis<M> {
     // ---- moving
 
     /// Starts an order. A stop that comes meanwhile wins.
-    async fn begin(&self, order: Order, stops: u64) -> Result<(), Error> {
+    async fn begin(&self, order: Order, leave: Leave<'_>) -> Result<(), Error> {
         self.motor.prepare(order).await?;
-        self.check_stops(stops)?;
-        let starting = Starting::new(&self.watched);
-        let started = self.motor.start(order).await;
-        drop(starting);
-        if self.check_stops(stops).is_err() {
-            // It may have come to the controller before the start did.
-            self.motor.stop(Stop::Soft).await?;
-        }
-        self.check_stops(stops)?;
-        started
+        let start = async {
+            let _starting = Starting::new(&self.watched);
+            self.motor.start(order).await
+        };
+        leave.act(&self.motor, start).await
     }
 
-    fn stops(&self) -> u64 {
-        self.stops.load(Ordering::SeqCst)
-    }
-
-    fn check_stops(&self, before: u64) -> Result<(), Error> {
-        if self.stops() == before {
-            return Ok(());
-        }
-        Err(Error::Refused(format!("{} was told to stop while it was being sent off", self.motor.name())))
+    /// Leave to move from now on.
+    fn leave(&self, doing: &'static str) -> Leave<'_> {
+        self.stops.leave(self.motor.name(), doing)
     }
 
     /// Waits until the motor stands.
@@ -345,12 +344,11 @@ impl<M: Motor> DriveAxis<M> {
         )))
     }
 
-    async fn move_there(&self, goal: Goal, options: MoveOptions) -> Result<Plan, Error> {
-        let stops = self.stops();
+    async fn move_there(&self, goal: Goal, options: MoveOptions, leave: Leave<'_>) -> Result<Plan, Error> {
         let checked = {
             let _turn = self.turn.lock().await;
             let checked = self.check(goal, &options).await?;
-            self.begin(checked.order, stops).await?;
+            self.begin(checked.order, leave).await?;
             checked
         };
         if !options.no_wait {
@@ -359,12 +357,16 @@ impl<M: Motor> DriveAxis<M> {
         Ok(checked.plan)
     }
 
-    async fn run_off(&self, direction: Direction, options: MoveOptions) -> Result<(), Error> {
-        let stops = self.stops();
+    async fn run_off(
+        &self,
+        direction: Direction,
+        options: MoveOptions,
+        leave: Leave<'_>,
+    ) -> Result<(), Error> {
         let _turn = self.turn.lock().await;
         let order = match self.limits.range() {
             None => {
-                let speed = options.speed.map(|speed| self.scale.steps_per_s(speed)).transpose()?;
+                let speed = self.speed(&options)?;
                 self.check_ready(&self.look().await?)?;
                 Order { motion: Motion::Run(self.turned(direction)), speed }
             }
@@ -375,20 +377,30 @@ impl<M: Motor> DriveAxis<M> {
                 checked.order
             }
         };
-        self.begin(order, stops).await
+        self.begin(order, leave).await
     }
 
-    async fn look_for_home(&self, direction: Direction, options: MoveOptions) -> Result<(), Error> {
+    async fn look_for_home(
+        &self,
+        direction: Direction,
+        options: MoveOptions,
+        leave: Leave<'_>,
+    ) -> Result<(), Error> {
         let speed = options.speed.map(|speed| self.scale.steps_per_s(speed)).transpose()?;
+        speed.map_or(Ok(()), |speed| self.motor.check_home_speed(speed))?;
         let _turn = self.turn.lock().await;
         self.check_ready(&self.look().await?)?;
+        leave.check()?;
         // Until it is found, and also when nobody waits for that any more.
         self.watched().trust.raise(Doubt::HomingFailed);
         let starting = Starting::new(&self.watched);
-        let homed = self.motor.home(self.turned(direction), speed, options.timeout).await;
+        let homed = self.motor.home(self.turned(direction), speed, options.timeout, leave).await;
         drop(starting);
         homed?;
-        self.set_zero().await
+        let upsets = self.marked().await?;
+        leave.check()?;
+        self.believe_zero(upsets);
+        Ok(())
     }
 
     async fn zero_here(&self) -> Result<(), Error> {
@@ -397,27 +409,32 @@ impl<M: Motor> DriveAxis<M> {
         self.check_ready(&look)?;
         if !look.energised {
             return Err(Error::Refused(format!(
-                "the motor of {} is de-energised, so its rotor is not held; stop it, which holds it, and then take the place \
-                 as zero",
+                "the motor of {} is de-energised, so its rotor is not held; energise it, as a move does and `stepdrive stop`, \
+                 and then take the place as zero",
                 self.motor.name()
             )));
         }
         self.motor.zero().await?;
-        self.set_zero().await
-    }
-
-    /// Zero has been set in the controller.
-    async fn set_zero(&self) -> Result<(), Error> {
-        self.motor.mark().await?;
-        let upsets = Some(self.motor.upsets().await);
-        let mut watched = self.watched();
-        watched.trust.confirm(0.0);
-        watched.upsets = upsets;
+        let upsets = self.marked().await?;
+        self.believe_zero(upsets);
         Ok(())
     }
 
-    async fn stop_now(&self, how: Stop) -> Result<(), Error> {
-        self.stops.fetch_add(1, Ordering::SeqCst);
+    /// Marks that zero was set in the controller. Answers [`Motor::upsets`] up to there.
+    async fn marked(&self) -> Result<u64, Error> {
+        self.motor.mark().await?;
+        Ok(self.motor.upsets().await)
+    }
+
+    /// Zero has been set in the controller.
+    fn believe_zero(&self, upsets: u64) {
+        let mut watched = self.watched();
+        watched.trust.confirm(0.0);
+        watched.upsets = Some(upsets);
+    }
+
+    /// Stops; this is the `number`th stop that was asked for.
+    async fn stop_now(&self, how: Stop, number: u64) -> Result<(), Error> {
         let doubt = match how {
             Stop::Soft => None,
             Stop::Hard => self.watched().trust.place().is_none().then_some(Doubt::StoppedDead),
@@ -426,49 +443,13 @@ impl<M: Motor> DriveAxis<M> {
         if let Some(doubt) = doubt {
             self.watched().trust.raise(doubt);
         }
-        self.motor.stop(how).await
+        self.motor.stop(how).await?;
+        if self.stops.settled(number).await {
+            // What was being sent may have come to the controller behind the stop.
+            self.motor.stop(how).await?;
+        }
+        Ok(())
     }
-}
-
-/// Whether a place is another than where the motor is shown to be.
-fn differs(place: f64, look: &Look) -> bool {
-    (place - look.position).abs() > 2.0 * look.within
-}
-
-/// A motion to a count, in the direction in which it lies.
-fn to(target: i64, look: &Look, setup: &Setup) -> Motion {
-    let ahead = target as f64 / f64::from(setup.parts) >= look.position;
-    Motion::To { target, direction: if ahead { Direction::Positive } else { Direction::Negative } }
-}
-
-/// Fails when a goal is not one that the controller can be sent to.
-fn check_range(goal: Goal, end: f64, count: i64, look: &Look, setup: &Setup) -> Result<(), Error> {
-    let parts = f64::from(setup.parts);
-    let (low, high) = setup.range;
-    let counted = |steps: f64| (low as f64..=high as f64).contains(&(steps * parts));
-    let full_steps = |count: i64| count as f64 / parts;
-    if !(low..=high).contains(&count) || !counted(end) {
-        return Err(Error::Usage(format!(
-            "{goal} ends at {end} full steps, where the counter does not reach: it has {} to {} full steps; take a place \
-             nearer to it as zero; nothing was sent",
-            full_steps(low),
-            full_steps(high)
-        )));
-    }
-    if (end - look.position).abs() * parts > setup.reach as f64 {
-        return Err(Error::Usage(format!(
-            "{goal} is {} full steps away, and one motion goes {} at most; go there in two; nothing was sent",
-            (end - look.position).abs(),
-            full_steps(setup.reach)
-        )));
-    }
-    Ok(())
-}
-
-/// Faults in words.
-fn told(faults: &[Fault]) -> String {
-    let told = faults.iter().map(|fault| format!("{} ({})", fault.name, fault.about.trim_end_matches('.')));
-    told.collect::<Vec<_>>().join(", ")
 }
 
 impl<M: Motor> Axis for DriveAxis<M> {
@@ -507,19 +488,19 @@ impl<M: Motor> Axis for DriveAxis<M> {
     }
 
     fn go(&self, goal: Goal, options: MoveOptions) -> BoxFuture<'_, Result<Plan, Error>> {
-        Box::pin(self.move_there(goal, options))
+        Box::pin(self.move_there(goal, options, self.leave(SENT_OFF)))
     }
 
     fn run(&self, direction: Direction, options: MoveOptions) -> BoxFuture<'_, Result<(), Error>> {
-        Box::pin(self.run_off(direction, options))
+        Box::pin(self.run_off(direction, options, self.leave(SENT_OFF)))
     }
 
     fn stop(&self, how: Stop) -> BoxFuture<'_, Result<(), Error>> {
-        Box::pin(self.stop_now(how))
+        Box::pin(self.stop_now(how, self.stops.ask(how)))
     }
 
     fn home(&self, direction: Direction, options: MoveOptions) -> BoxFuture<'_, Result<(), Error>> {
-        Box::pin(self.look_for_home(direction, options))
+        Box::pin(self.look_for_home(direction, options, self.leave("it looked for home; home it again")))
     }
 
     fn zero(&self) -> BoxFuture<'_, Result<(), Error>> {
@@ -543,19 +524,6 @@ impl<M: Motor> Axis for DriveAxis<M> {
             Ok(self.look().await?.faults)
         })
     }
-}
-
-/// A run ends at the soft limit that lies in its direction; there has to be one.
-fn check_room(direction: Direction, plan: &Plan) -> Result<(), Error> {
-    let (from, to) = (plan.from, plan.to);
-    let is_ahead =
-        if direction == Direction::Positive { to.value > from.value } else { to.value < from.value };
-    if is_ahead {
-        return Ok(());
-    }
-    Err(Error::Refused(format!(
-        "the axis stands at {from}, at or beyond the soft limit {to}; go the other way; nothing was sent"
-    )))
 }
 
 impl<M: Motor> fmt::Debug for DriveAxis<M> {

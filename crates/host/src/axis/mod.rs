@@ -1,9 +1,10 @@
 //! An axis: what a controller of either family can do with one, in user units.
 //!
 //! [`Axis`] is what programs and the command line see. [`DriveAxis`] is one over a [`Motor`], which is what a family has
-//! to do for it: [`Smd3Motor`] and [`SmsdMotor`]. Units, soft limits, trust, plans and waiting are the same for both and
-//! stand in `driven`, `plan` and `wait`.
+//! to do for it: [`Smd3Motor`] and [`SmsdMotor`]. Units, soft limits, trust, plans, stops and waiting are the same for both
+//! and stand in `driven`, `checks`, `plan`, `stops` and `wait`.
 
+mod checks;
 mod driven;
 mod limits;
 mod motor;
@@ -11,6 +12,8 @@ mod open;
 mod plan;
 mod smd3;
 mod smsd;
+mod speed;
+mod stops;
 mod wait;
 
 pub use driven::DriveAxis;
@@ -20,6 +23,7 @@ pub use open::{AxisOptions, open};
 pub use plan::Plan;
 pub use smd3::Smd3Motor;
 pub use smsd::SmsdMotor;
+pub use stops::Leave;
 
 use crate::connect::BoxFuture;
 use crate::direction::Direction;
@@ -88,7 +92,10 @@ pub struct AxisState {
 /// Nothing here moves the motor but [`Axis::go`], [`Axis::run`] and [`Axis::home`] with what is built on them. Every call may
 /// be dropped at any point: a motion that has begun goes on then, and [`Axis::stop`] ends it.
 ///
-/// A stop that comes while another task prepares a motion ends that motion too.
+/// A stop ends every motion that was asked for before it: also one that another task still prepares, and homing at any
+/// moment. What counts is when [`Axis::stop`], [`Axis::go`], [`Axis::run`] and [`Axis::home`] are called, not when their
+/// futures are first polled. So a caller may make the future of a motion, do something else that takes time, and await it
+/// then: a stop that came meanwhile is not lost.
 pub trait Axis: Send + Sync + fmt::Debug {
     /// What errors call it.
     fn name(&self) -> &str;
@@ -122,7 +129,8 @@ pub trait Axis: Send + Sync + fmt::Debug {
     /// Moves, and waits until the axis is there unless told not to. Answers what was done.
     ///
     /// # Errors
-    /// Before anything is sent: [`Error::Usage`] when the unit does not fit or the move is out of the controller's range;
+    /// Before anything is sent: [`Error::Usage`] when the unit does not fit, or the move or its speed is out of the
+    /// controller's range;
     /// [`Error::Refused`] when the goal is beyond a soft limit, the position is not trusted, or the axis moves already;
     /// [`Error::Fault`] when a fault is latched.
     /// Afterwards: [`Error::Refused`] when a limit or somebody stopped it before it was there, [`Error::Fault`] when a fault
@@ -135,19 +143,26 @@ pub trait Axis: Send + Sync + fmt::Debug {
     /// Those of [`Axis::go`].
     fn run(&self, direction: Direction, options: MoveOptions) -> BoxFuture<'_, Result<(), Error>>;
 
-    /// Stops. A stop is never refused for what the axis is or was told.
+    /// Stops. A stop is never refused for what the axis is or was told. It goes out at once; once it is answered, nothing that
+    /// was asked for before it starts the motor any more. What was under way then fails with [`Error::Refused`].
+    ///
+    /// It also ends a user program that runs in an SMSD, which would move the motor again: the motor is stopped first, then
+    /// the program, and then the motor once more, as the program may have moved it in between. Where the line tells whether
+    /// one runs, that costs two readings behind the stop if there is none; over USB it is always done, two packets.
     ///
     /// # Errors
-    /// [`Error::Line`] when the controller cannot be reached.
+    /// [`Error::Line`] when the controller cannot be reached, and [`Error::Uncertain`] when no reply came however often it
+    /// was sent. [`Error::Partly`] when the motor was stopped, but a user program may still run and move it again.
     fn stop(&self, how: Stop) -> BoxFuture<'_, Result<(), Error>>;
 
     /// Looks for the home switch in a direction, waits, and takes its place as zero. Soft limits do not count: they have a
     /// meaning only afterwards.
     ///
     /// # Errors
-    /// [`Error::Refused`] when the switch is not in use or was not found, [`Error::Fault`] when a fault is latched,
-    /// [`Error::Device`] after the timeout; the motor is then stopped. However it fails, or when it is dropped, the position
-    /// is unknown.
+    /// [`Error::Usage`] when the controller does not take the speed. [`Error::Refused`] when the switch is not in use or was
+    /// not found, or when it was told to stop meanwhile, [`Error::Fault`] when a fault is latched, [`Error::Device`] after the
+    /// timeout; the motor is then stopped. However it fails once the motor may have been told to move, or when it is dropped,
+    /// the position is unknown.
     fn home(&self, direction: Direction, options: MoveOptions) -> BoxFuture<'_, Result<(), Error>>;
 
     /// Takes the place where the axis stands as zero.

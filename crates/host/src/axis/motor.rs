@@ -2,6 +2,7 @@
 //! user units and what is safe are not its business.
 
 use super::Stop;
+use super::stops::Leave;
 use crate::connect::BoxFuture;
 use crate::direction::Direction;
 use crate::error::Error;
@@ -117,6 +118,20 @@ pub trait Motor: Send + Sync + fmt::Debug {
     /// How it is set up.
     fn setup(&self) -> BoxFuture<'_, Result<Setup, Error>>;
 
+    /// Fails for a speed of an order, in full steps a second, that the controller does not take. Nothing is sent.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], which says what it takes.
+    fn check_speed(&self, speed: f64) -> Result<(), Error>;
+
+    /// The same for the speed at which home is looked for.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], which says what it takes.
+    fn check_home_speed(&self, speed: f64) -> Result<(), Error> {
+        self.check_speed(speed)
+    }
+
     /// What would be sent for an order, for people.
     fn sent_for(&self, order: Order) -> BoxFuture<'_, Result<Vec<String>, Error>>;
 
@@ -126,16 +141,18 @@ pub trait Motor: Send + Sync + fmt::Debug {
     /// Starts an order that was prepared.
     fn start(&self, order: Order) -> BoxFuture<'_, Result<(), Error>>;
 
-    /// Stops.
+    /// Stops, and ends whatever in the controller would move the motor again by itself. The motor comes first.
     fn stop(&self, how: Stop) -> BoxFuture<'_, Result<(), Error>>;
 
-    /// Looks for the home switch at a speed, takes it as zero, and waits until that is done.
-    fn home(
-        &self,
+    /// Looks for the home switch at a speed, takes it as zero, and waits until that is done. It gives up where its leave ends,
+    /// and does nothing to the motor behind that.
+    fn home<'a>(
+        &'a self,
         direction: Direction,
         speed: Option<f64>,
         timeout: Option<Duration>,
-    ) -> BoxFuture<'_, Result<(), Error>>;
+        leave: Leave<'a>,
+    ) -> BoxFuture<'a, Result<(), Error>>;
 
     /// Takes the present position as zero.
     fn zero(&self) -> BoxFuture<'_, Result<(), Error>>;

@@ -2,6 +2,8 @@
 
 use super::Stop;
 use super::motor::{Fault, Look, Motion, Motor, Order, Profile, Setup};
+use super::speed;
+use super::stops::Leave;
 use super::wait::Pace;
 use crate::connect::BoxFuture;
 use crate::direction::Direction;
@@ -127,21 +129,35 @@ impl Smd3Motor {
         direction: Direction,
         speed: Option<f64>,
         timeout: Option<Duration>,
+        leave: Leave<'_>,
     ) -> Result<(), Error> {
         // The mode that others have chosen is theirs.
         let order = Order { motion: Motion::Run(direction), speed };
         self.get_ready(order).await?;
         self.client.set_mode(Mode::Home).await?;
-        let found = self.seek(direction, timeout).await;
+        let found = self.seek(direction, timeout, leave).await;
         // Whatever became of it, the next motion is to find the drive as it was. What the search failed of counts more.
-        let back = self.client.set_mode(Mode::Remote).await;
+        let back = self.go_remote().await;
         found.and(back)
     }
 
-    async fn seek(&self, direction: Direction, timeout: Option<Duration>) -> Result<(), Error> {
-        self.client.runh(direction).await?;
-        let Some(status) = self.until_standby(timeout).await? else {
-            self.client.stop().await?;
+    /// Goes back to mode Remote, which wants a motor that stands.
+    async fn go_remote(&self) -> Result<(), Error> {
+        self.until_standby(Some(STOPPING)).await?;
+        self.client.set_mode(Mode::Remote).await
+    }
+
+    async fn seek(
+        &self,
+        direction: Direction,
+        timeout: Option<Duration>,
+        leave: Leave<'_>,
+    ) -> Result<(), Error> {
+        leave.act(self, self.client.runh(direction)).await?;
+        let status = self.until_standby(timeout).await?;
+        leave.check()?;
+        let Some(status) = status else {
+            leave.act(self, self.client.stop()).await?;
             self.until_standby(Some(STOPPING)).await?;
             return Err(Error::Device(format!(
                 "{} did not find {} within {:?}; the motor was stopped",
@@ -214,6 +230,14 @@ impl Motor for Smd3Motor {
         Box::pin(self.set_up())
     }
 
+    fn check_speed(&self, speed: f64) -> Result<(), Error> {
+        let row = Command::Vmax.info();
+        if (row.min..=row.max).contains(&speed) {
+            return Ok(());
+        }
+        Err(speed::refused(row.mnemonic, speed, row.min, row.max, row.unit))
+    }
+
     fn sent_for(&self, order: Order) -> BoxFuture<'_, Result<Vec<String>, Error>> {
         Box::pin(async move { self.requests(order).await?.iter().map(Smd3Client::line_of).collect() })
     }
@@ -230,13 +254,14 @@ impl Motor for Smd3Motor {
         Box::pin(self.stop_as(how))
     }
 
-    fn home(
-        &self,
+    fn home<'a>(
+        &'a self,
         direction: Direction,
         speed: Option<f64>,
         timeout: Option<Duration>,
-    ) -> BoxFuture<'_, Result<(), Error>> {
-        Box::pin(self.find_home(direction, speed, timeout))
+        leave: Leave<'a>,
+    ) -> BoxFuture<'a, Result<(), Error>> {
+        Box::pin(self.find_home(direction, speed, timeout, leave))
     }
 
     fn zero(&self) -> BoxFuture<'_, Result<(), Error>> {

@@ -2,19 +2,23 @@
 
 use super::Stop;
 use super::motor::{Fault, Look, Motion, Motor, Order, Profile, Setup};
+use super::speed;
+use super::stops::Leave;
 use super::wait::Pace;
 use crate::connect::BoxFuture;
 use crate::direction::Direction;
 use crate::error::Error;
-use crate::smsd::{Smsd, Snapshot, Step, Way};
+use crate::smsd::{Answer, Smsd, Snapshot, Step, Way};
 use crate::trust::Continuity;
 use std::time::Duration;
 use stepdrive_spec::smsd::inputs::Input;
 use stepdrive_spec::smsd::instructions::Opcode;
 use stepdrive_spec::smsd::mode::MotorConfiguration;
+use stepdrive_spec::smsd::models::Model;
 use stepdrive_spec::smsd::powerstep01;
 use stepdrive_spec::smsd::registers::Reg;
 use stepdrive_spec::smsd::ring;
+use stepdrive_spec::smsd::status::MotStatus;
 
 /// How often a stop is sent whose reply is lost: sent twice it is the same.
 const TRIES: u32 = 3;
@@ -166,11 +170,8 @@ impl SmsdMotor {
             return Ok(());
         }
         Err(Error::Refused(format!(
-            "a user program runs in {} (mem{}:{}) and moves the motor as it likes; stop it with {} first",
-            self.name,
-            program.area,
-            program.line,
-            Opcode::StopProgramMem
+            "a user program runs in {} (mem{}:{}) and moves the motor as it likes; stop it first",
+            self.name, program.area, program.line,
         )))
     }
 
@@ -193,19 +194,38 @@ impl SmsdMotor {
             Stop::Hard => Reg::HardStop,
             Stop::Free => Reg::SoftHiZ,
         };
-        self.insist(coil).await
+        self.trigger(coil).await?;
+        self.end_program(coil).await.map_err(|cause| Error::Partly {
+            done: format!(
+                "the motor of {} was stopped, but a user program may run there and move it again",
+                self.name
+            ),
+            cause: Box::new(cause),
+        })
+    }
+
+    /// Ends the user program that may run, and lets the coil that stopped the motor act again: the program may have moved it
+    /// meanwhile.
+    async fn end_program(&self, coil: Reg) -> Result<(), Error> {
+        if self.is_left_alone().await? {
+            return Ok(());
+        }
+        insist(|| self.client.stop_program()).await?;
+        self.trigger(coil).await
+    }
+
+    /// Whether it is seen that no user program runs that moves the motor, and that none has moved it just before its end.
+    async fn is_left_alone(&self) -> Result<bool, Error> {
+        if !self.is_told(Reg::ProgramRun) || self.client.read(Reg::ProgramRun).await? != 0 {
+            return Ok(false);
+        }
+        let motion = self.client.snapshot().await?.status.motion;
+        Ok(matches!(motion, MotStatus::Stopped | MotStatus::Decelerating))
     }
 
     /// Lets a coil act that does the same when it acts twice.
-    async fn insist(&self, coil: Reg) -> Result<(), Error> {
-        let mut outcome = self.client.trigger(coil).await;
-        for _ in 1..TRIES {
-            if !matches!(outcome, Err(Error::Uncertain { .. })) {
-                break;
-            }
-            outcome = self.client.trigger(coil).await;
-        }
-        outcome
+    async fn trigger(&self, coil: Reg) -> Result<(), Error> {
+        insist(|| self.client.trigger(coil)).await
     }
 
     // ---- homing
@@ -215,6 +235,7 @@ impl SmsdMotor {
         direction: Direction,
         speed: Option<f64>,
         timeout: Option<Duration>,
+        leave: Leave<'_>,
     ) -> Result<(), Error> {
         self.check_program().await?;
         if self.client.read(Reg::Mask).await? & i64::from(Input::SetZero.bit()) == 0 {
@@ -229,28 +250,56 @@ impl SmsdMotor {
             None => self.values(&[Reg::TargetSpeed]).await?.first().copied().unwrap_or(0),
         };
         let mut pace = Pace::new(timeout, None);
-        let found = self.seek(direction, speed, &mut pace).await;
+        let found = self.seek(direction, speed, &mut pace, leave).await;
         if matches!(found, Err(Error::Device(_))) {
-            self.insist(Reg::SoftStop).await?;
+            leave.act(self, self.trigger(Reg::SoftStop)).await?;
             self.until(&mut Pace::new(Some(STOPPING), None), |snapshot| !is_moving(snapshot)).await?;
         }
         found
     }
 
-    async fn seek(&self, direction: Direction, speed: i64, pace: &mut Pace) -> Result<(), Error> {
+    async fn seek(
+        &self,
+        direction: Direction,
+        speed: i64,
+        pace: &mut Pace,
+        leave: Leave<'_>,
+    ) -> Result<(), Error> {
         if self.client.snapshot().await?.input(Input::SetZero) {
-            self.client.run(direction.opposite(), speed).await?;
-            self.until(pace, |snapshot| !snapshot.input(Input::SetZero) || !is_moving(snapshot)).await?;
-            self.insist(Reg::SoftStop).await?;
-            self.until(pace, |snapshot| !is_moving(snapshot)).await?;
+            self.back_off(direction.opposite(), speed, pace, leave).await?;
         }
-        self.client.scan_zero(direction, speed).await?;
+        leave.act(self, self.client.scan_zero(direction, speed)).await?;
         let snapshot = self.until(pace, |snapshot| !is_moving(snapshot)).await?;
+        leave.check()?;
         if snapshot.position == 0 && snapshot.input(Input::SetZero) {
             return Ok(());
         }
         Err(Error::Refused(format!(
             "{} stopped at {} microsteps without having found {}: somebody or something stopped it; home it again",
+            self.name,
+            snapshot.position,
+            Input::SetZero
+        )))
+    }
+
+    /// Goes off the switch.
+    async fn back_off(
+        &self,
+        direction: Direction,
+        speed: i64,
+        pace: &mut Pace,
+        leave: Leave<'_>,
+    ) -> Result<(), Error> {
+        leave.act(self, self.client.run(direction, speed)).await?;
+        self.until(pace, |snapshot| !snapshot.input(Input::SetZero) || !is_moving(snapshot)).await?;
+        leave.act(self, self.trigger(Reg::SoftStop)).await?;
+        let snapshot = self.until(pace, |snapshot| !is_moving(snapshot)).await?;
+        leave.check()?;
+        if !snapshot.input(Input::SetZero) {
+            return Ok(());
+        }
+        Err(Error::Refused(format!(
+            "{} stopped at {} microsteps before it was off {}: somebody or something stopped it; home it again",
             self.name,
             snapshot.position,
             Input::SetZero
@@ -292,6 +341,14 @@ impl Motor for SmsdMotor {
         Box::pin(self.set_up())
     }
 
+    fn check_speed(&self, speed: f64) -> Result<(), Error> {
+        takes(Reg::MaxSpeed, speed)
+    }
+
+    fn check_home_speed(&self, speed: f64) -> Result<(), Error> {
+        takes(Reg::TargetSpeed, speed)
+    }
+
     fn sent_for(&self, order: Order) -> BoxFuture<'_, Result<Vec<String>, Error>> {
         Box::pin(self.requests_for(order))
     }
@@ -308,17 +365,18 @@ impl Motor for SmsdMotor {
         Box::pin(self.stop_as(how))
     }
 
-    fn home(
-        &self,
+    fn home<'a>(
+        &'a self,
         direction: Direction,
         speed: Option<f64>,
         timeout: Option<Duration>,
-    ) -> BoxFuture<'_, Result<(), Error>> {
-        Box::pin(self.find_home(direction, speed, timeout))
+        leave: Leave<'a>,
+    ) -> BoxFuture<'a, Result<(), Error>> {
+        Box::pin(self.find_home(direction, speed, timeout, leave))
     }
 
     fn zero(&self) -> BoxFuture<'_, Result<(), Error>> {
-        Box::pin(self.insist(Reg::ResetPos))
+        Box::pin(self.trigger(Reg::ResetPos))
     }
 
     fn mark(&self) -> BoxFuture<'_, Result<(), Error>> {
@@ -365,6 +423,28 @@ fn seen(snapshot: &Snapshot, parts: u16) -> Look {
         limit_positive: false,
         within: 0.5 / f64::from(parts),
     }
+}
+
+/// Does something that does the same when it is done twice, again while its reply is lost.
+async fn insist<'a>(act: impl Fn() -> Answer<'a, ()>) -> Result<(), Error> {
+    let mut outcome = act().await;
+    for _ in 1..TRIES {
+        if !matches!(outcome, Err(Error::Uncertain { .. })) {
+            break;
+        }
+        outcome = act().await;
+    }
+    outcome
+}
+
+/// Fails for a speed that a register does not take, whichever the model.
+fn takes(reg: Reg, speed: f64) -> Result<(), Error> {
+    let row = reg.info();
+    let (min, max) = row.range(Model::Smsd42);
+    if (min..=max).contains(&whole(speed)) {
+        return Ok(());
+    }
+    Err(speed::refused(row.name, speed, min, max, row.unit))
 }
 
 /// A speed as a register holds it; the client says which it takes.

@@ -2,14 +2,18 @@
 
 use crate::bench::Bench;
 use crate::link;
+use crate::programs::{Controller, ENDS};
 use crate::stage::{SWITCH, Stage, smsd_with_switch};
 use crate::station::{self, Station};
 use std::sync::Arc;
+use std::time::Duration;
 use stepdrive_drive::smd3::Smd3;
 use stepdrive_host::axis::{Smd3Motor, SmsdMotor};
 use stepdrive_host::smsd::{Smsd as _, SmsdOptions};
+use stepdrive_proto::smd3::decode_line;
 use stepdrive_spec::smd3::commands::Command;
 use stepdrive_spec::smd3::signals::Signal;
+use stepdrive_spec::smsd::instructions::Opcode;
 use stepdrive_spec::smsd::registers::Reg;
 
 /// An SMD3 with `L` 1.
@@ -17,16 +21,23 @@ pub(crate) struct Smd3Stage {
     pub(crate) station: Arc<Station>,
 }
 
+impl Smd3Stage {
+    /// Says something to the drive, on a line of its own.
+    fn say(&self, line: &[u8]) {
+        self.station.machine(|machine, now| {
+            assert!(machine.handle(now, decode_line(line)).outcome.is_ok());
+        });
+    }
+}
+
 impl Stage for Smd3Stage {
     type Motor = Smd3Motor;
 
     async fn new() -> Smd3Stage {
         let station = Station::with(vec![(Signal::LimitNegative, SWITCH)]);
-        station.machine(|machine, now| {
-            let line = stepdrive_proto::smd3::decode_line(b"L,1");
-            assert!(machine.handle(now, line).outcome.is_ok());
-        });
-        Smd3Stage { station }
+        let stage = Smd3Stage { station };
+        stage.say(b"L,1");
+        stage
     }
 
     fn motor(&self) -> Smd3Motor {
@@ -64,21 +75,23 @@ impl Stage for Smd3Stage {
         self.station.faults([station::Fault::LoseLine]);
     }
 
-    fn slow_down(&self) {
-        self.station.otherwise(station::Fault::Delay(station::MS * 10));
+    fn slow_down(&self, by: Duration) {
+        self.station.otherwise(station::Fault::Delay(by));
     }
 
     async fn stop_behind_its_back(&self) {
-        self.station.client().stop().await.expect("stopped");
+        self.say(b"STOP");
     }
 
     async fn move_behind_its_back(&self, full_steps: i64) {
-        let client = self.station.client();
-        client.runr(full_steps).await.expect("started");
+        self.say(format!("RUNR,{full_steps}").as_bytes());
         tokio::time::sleep(station::SECOND * 10).await;
-        self.station.carried_out();
     }
 }
+
+/// Coils that stop, and what they do.
+const COILS: [(Reg, Opcode); 3] =
+    [(Reg::SoftStop, Opcode::SoftStop), (Reg::HardStop, Opcode::HardStop), (Reg::SoftHiZ, Opcode::SoftHiZ)];
 
 /// An SMSD-4.2LAN at 1/16.
 pub(crate) struct SmsdStage {
@@ -113,7 +126,7 @@ impl Stage for SmsdStage {
     }
 
     fn starts(&self) -> usize {
-        self.bench.acts().iter().filter(|(reg, _)| *reg == Reg::Cmd).count()
+        self.acts().iter().filter(|opcode| !ENDS.contains(opcode)).count()
     }
 
     fn cut(&self) {
@@ -137,8 +150,8 @@ impl Stage for SmsdStage {
         self.bench.faults([link::Fault::LoseRequest]);
     }
 
-    fn slow_down(&self) {
-        self.bench.otherwise(link::Fault::Delay(station::MS * 10));
+    fn slow_down(&self, by: Duration) {
+        self.bench.otherwise(link::Fault::Delay(by));
     }
 
     async fn stop_behind_its_back(&self) {
@@ -150,6 +163,25 @@ impl Stage for SmsdStage {
         client.move_by(full_steps * 16).await.expect("started");
         tokio::time::sleep(station::SECOND * 10).await;
         self.bench.acts();
+    }
+}
+
+impl Controller for SmsdStage {
+    fn acts(&self) -> Vec<Opcode> {
+        let opcode = |(reg, value): (Reg, u16)| {
+            let coil = COILS.iter().find(|(coil, _)| *coil == reg).map(|(_, opcode)| *opcode);
+            coil.or_else(|| Opcode::from_cmd(value).filter(|_| reg == Reg::Cmd))
+        };
+        self.bench.acts().into_iter().filter_map(opcode).collect()
+    }
+
+    fn requests(&self) -> u64 {
+        self.bench.requests()
+    }
+
+    fn lose_line_behind(&self, requests: usize) {
+        self.bench.fault_behind(requests, link::Fault::Close);
+        self.bench.refuse_connections(100);
     }
 }
 

@@ -14,8 +14,13 @@ mod station;
 mod families;
 mod only_smd3;
 mod only_smsd;
+mod programs;
 mod stage;
+mod stopping;
 mod suite;
 
 suite::hold!(smd3 to crate::families::Smd3Stage);
 suite::hold!(smsd to crate::families::SmsdStage);
+stopping::hold!(smd3_stopping to crate::families::Smd3Stage);
+stopping::hold!(smsd_stopping to crate::families::SmsdStage);
+programs::hold!(smsd_programs to crate::families::SmsdStage);

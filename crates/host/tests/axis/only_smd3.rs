@@ -146,6 +146,7 @@ async fn without_its_mark_a_counter_at_zero_is_suspect_after_a_cut_line() {
     rig.cut();
     tokio::time::sleep(SECOND).await;
     assert_eq!(axis.state().await.map(|state| state.trust), Ok(Trust::Suspect));
+    drop(axis);
     let marked: DriveAxis<Smd3Motor> = rig.axis();
     marked.zero().await.expect("it stands");
     assert_eq!(marked.motor().client().get_number(Command::Prel).await, Ok(100_000.0));

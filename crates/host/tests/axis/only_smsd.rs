@@ -123,7 +123,7 @@ async fn while_a_program_runs_nothing_is_moved_beside_it() {
     axis.motor().client().store_program(0, &program).await.expect("stored");
     axis.motor().client().command(Opcode::StartProgramMem0, None).await.expect("started");
     let refused = axis.move_by(steps("5 steps"), HERE).await.expect_err("a program runs");
-    assert!(refused.to_string().contains("stop it with STOP_PROGRAM_MEM first"), "{refused}");
+    assert!(refused.to_string().contains("stop it first"), "{refused}");
 }
 
 #[tokio::test(start_paused = true)]

@@ -51,8 +51,8 @@ pub(crate) trait Stage: Sized {
     /// Loses the next request.
     fn lose_request(&self);
 
-    /// Makes every reply come 10 ms late.
-    fn slow_down(&self);
+    /// Makes every reply come late.
+    fn slow_down(&self, by: Duration);
 
     /// Stops the motor by another program.
     async fn stop_behind_its_back(&self);
@@ -60,6 +60,22 @@ pub(crate) trait Stage: Sized {
     /// Moves the motor behind the back of the axis, and waits until it stands.
     async fn move_behind_its_back(&self, full_steps: i64);
 }
+
+/// A macro that holds a stage to all of these tests of a module, in a module of its own.
+macro_rules! suite {
+    ($dollar:tt $hold:ident of $module:ident: $($test:ident)+) => {
+        macro_rules! $hold {
+            ($dollar family:ident to $dollar stage:ty) => {
+                mod $dollar family { $(
+                    #[tokio::test(start_paused = true)]
+                    async fn $test() { crate::$module::$test::<$dollar stage>().await; }
+                )+ }
+            };
+        }
+        pub(crate) use $hold;
+    };
+}
+pub(crate) use suite;
 
 /// An SMSD-4.2LAN at 1/16, with the switch at `SET_ZERO`.
 pub(crate) fn smsd_with_switch() -> Machine<Smsd> {

@@ -1,7 +1,7 @@
 //! The behaviour that all axes share.
 #![allow(clippy::float_cmp, reason = "whole steps are exact")]
 
-use crate::stage::{MS, SECOND, Stage};
+use crate::stage::{MS, SECOND, Stage, suite};
 use std::sync::Arc;
 use std::time::Duration;
 use stepdrive_host::axis::{Axis, AxisState, DriveAxis, Motor, MoveOptions, Plan, SoftLimits, Stop};
@@ -12,15 +12,15 @@ use tokio::time::{Instant, timeout};
 
 const HERE: MoveOptions = MoveOptions { speed: None, no_wait: false, override_trust: false, timeout: None };
 
-fn amount(text: &str) -> Amount {
+pub(crate) fn amount(text: &str) -> Amount {
     Amount::parse(text).expect("an amount")
 }
 
-fn goal(text: &str) -> Goal {
+pub(crate) fn goal(text: &str) -> Goal {
     Goal::parse(text).expect("a goal")
 }
 
-fn told<T: std::fmt::Debug>(outcome: Result<T, Error>) -> String {
+pub(crate) fn told<T: std::fmt::Debug>(outcome: Result<T, Error>) -> String {
     outcome.expect_err("refused").to_string()
 }
 
@@ -42,26 +42,11 @@ pub(crate) async fn zeroed<S: Stage>(rig: &S) -> DriveAxis<S::Motor> {
 }
 
 /// A motor that was just switched on may carry no current.
-async fn energise<M: Motor>(axis: &DriveAxis<M>) {
+pub(crate) async fn energise<M: Motor>(axis: &DriveAxis<M>) {
     axis.stop(Stop::Soft).await.expect("done");
 }
 
-/// A macro that holds a stage to all of these tests, in a module of its own.
-macro_rules! suite {
-    ($dollar:tt $($test:ident)+) => {
-        macro_rules! hold {
-            ($dollar family:ident to $dollar stage:ty) => {
-                mod $dollar family { $(
-                    #[tokio::test(start_paused = true)]
-                    async fn $test() { crate::suite::$test::<$dollar stage>().await; }
-                )+ }
-            };
-        }
-        pub(crate) use hold;
-    };
-}
-
-suite! { $
+suite! { $ hold of suite:
     looking_moves_nothing_and_shows_an_unknown_position
     a_move_by_ends_where_it_should_and_takes_as_long_as_was_planned
     a_move_to_wants_a_trusted_position
@@ -199,6 +184,7 @@ pub(crate) async fn a_run_ends_at_the_soft_limit_or_when_it_is_stopped<S: Stage>
     let axis = axis.with_limits(limits(0, 5));
     axis.run(Direction::Negative, HERE).await.expect_err("it would go the other way");
     assert_eq!((rig.carriage() - before, rig.speed()), (-40.0, 0.0));
+    drop(axis);
     let unknown = rig.axis().with_limits(limits(-1, 5));
     assert!(
         matches!(unknown.run(Direction::Positive, HERE).await, Err(Error::Refused(_))),
@@ -254,6 +240,7 @@ pub(crate) async fn homing_that_finds_nothing_ends_at_its_timeout<S: Stage>() {
     let rig = S::new().await;
     let axis = zeroed(&rig).await;
     axis.move_by(amount("-5mm"), HERE).await.ok();
+    drop(axis);
     let impatient = MoveOptions {
         speed: Some(Speed::parse("100 steps/s").expect("a speed")),
         timeout: Some(SECOND / 2),
@@ -357,7 +344,7 @@ pub(crate) async fn a_stop_that_comes_while_a_move_is_sent_off_wins<S: Stage>() 
         let rig = S::new().await;
         let axis = Arc::new(zeroed(&rig).await);
         // Now every request of the move takes 10 ms, and the stop comes between two of them.
-        rig.slow_down();
+        rig.slow_down(10 * MS);
         let mover = Arc::clone(&axis);
         let moving = tokio::spawn(async move { mover.move_by(amount("100mm"), HERE).await });
         tokio::time::sleep(after * MS).await;

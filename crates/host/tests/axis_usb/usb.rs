@@ -2,14 +2,13 @@
 
 use crate::bench::{Act, Bench};
 use crate::link::Fault;
+use crate::programs::{Controller, ENDS};
 use crate::stage::{MS, SECOND, Stage, smsd_with_switch};
+use std::time::Duration;
 use stepdrive_host::axis::SmsdMotor;
 use stepdrive_host::smsd::{Smsd as _, SmsdOptions, SmsdUsbClient};
 use stepdrive_spec::smsd::instructions::Opcode;
 use stepdrive_spec::smsd::standard::AUTHORISATION_REST;
-
-/// What an axis sends that stops.
-const STOPS: [Opcode; 4] = [Opcode::SoftStop, Opcode::HardStop, Opcode::SoftHiZ, Opcode::HardHiZ];
 
 pub(crate) struct UsbStage {
     bench: Bench,
@@ -49,11 +48,7 @@ impl Stage for UsbStage {
     }
 
     fn starts(&self) -> usize {
-        let starts = |act: &Act| match act {
-            Act::Instruction(opcode) => opcode.info().in_cmd && !STOPS.contains(opcode),
-            Act::Password => false,
-        };
-        self.bench.acts().iter().filter(|act| starts(act)).count()
+        self.acts().iter().filter(|opcode| !ENDS.contains(opcode)).count()
     }
 
     fn cut(&self) {
@@ -76,8 +71,8 @@ impl Stage for UsbStage {
         self.bench.faults([Fault::LoseRequest]);
     }
 
-    fn slow_down(&self) {
-        self.bench.otherwise(Fault::Delay(10 * MS));
+    fn slow_down(&self, by: Duration) {
+        self.bench.otherwise(Fault::Delay(by));
     }
 
     async fn stop_behind_its_back(&self) {
@@ -88,5 +83,24 @@ impl Stage for UsbStage {
         self.other.move_by(full_steps * 16).await.expect("started");
         tokio::time::sleep(10 * SECOND).await;
         self.bench.acts();
+    }
+}
+
+impl Controller for UsbStage {
+    fn acts(&self) -> Vec<Opcode> {
+        let opcode = |act| match act {
+            Act::Instruction(opcode) => Some(opcode).filter(|opcode| opcode.info().in_cmd),
+            Act::Password => None,
+        };
+        self.bench.acts().into_iter().filter_map(opcode).collect()
+    }
+
+    fn requests(&self) -> u64 {
+        self.bench.requests()
+    }
+
+    fn lose_line_behind(&self, requests: usize) {
+        self.bench.fault_behind(requests, Fault::Close);
+        self.bench.refuse_connections(100);
     }
 }

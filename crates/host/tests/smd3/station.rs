@@ -305,12 +305,11 @@ async fn talk(station: &Station, mut stream: DuplexStream) {
         let mut byte = [0];
         let count = {
             let mut read = pin!(stream.read(&mut byte));
-            match at_once(read.as_mut()).await {
-                Some(count) => count,
-                None => {
-                    turn = None;
-                    read.await
-                }
+            if let Some(count) = at_once(read.as_mut()).await {
+                count
+            } else {
+                turn = None;
+                read.await
             }
         };
         if count.unwrap_or(0) == 0 {
