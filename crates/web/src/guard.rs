@@ -18,12 +18,15 @@ use std::sync::Arc;
 /// cannot show a token before the page has asked for it.
 const ASSETS: &str = "/assets/";
 
+/// Where a browser says whether what asks is of the same site.
+const FETCH_SITE: &str = "sec-fetch-site";
+
 /// The address at which a connection arrived.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arrived(pub(crate) IpAddr);
 
 /// Lets those requests through that may be answered. That they name this computer and come from no foreign web page is
-/// always asked; a token is not for `GET /` and `GET /assets/…`, the page and its parts.
+/// always asked, but that a foreign page may lead to `GET /`, the page; a token is not for `GET /` and `GET /assets/…`, the page and its parts.
 #[derive(Debug)]
 pub struct Guard {
     /// What a client has to show; `None` when nothing.
@@ -45,6 +48,7 @@ impl Guard {
         let arrived = request.extensions().get::<Arrived>().map(|arrived| arrived.0.to_canonical());
         let host = check_host(request.uri(), request.headers(), arrived)?;
         check_origin(request.headers(), &host)?;
+        check_site(request)?;
         match &self.token {
             Some(token) if !is_page(request.method(), request.uri().path()) => token.check(request.headers()),
             Some(_) | None => Ok(()),
@@ -110,6 +114,8 @@ fn check_host(uri: &Uri, headers: &HeaderMap, arrived: Option<IpAddr>) -> Result
         (Some(host), None) => Authority::try_from(host.as_bytes()).ok(),
         _ => None,
     };
+    // A host has no user; one that has is there to be mistaken for another.
+    let host = host.filter(|host| !host.as_str().contains('@'));
     let is_here = |host: &Authority| is_here(host.host(), arrived);
     host.filter(is_here).filter(|_| uri.authority().is_none_or(is_here)).ok_or_else(|| {
         let message =
@@ -120,10 +126,17 @@ fn check_host(uri: &Uri, headers: &HeaderMap, arrived: Option<IpAddr>) -> Result
 
 /// Whether a host is this computer: a loopback name or address, or the address at which the connection arrived.
 fn is_here(host: &str, arrived: Option<IpAddr>) -> bool {
-    let host = host.trim_start_matches('[').trim_end_matches(']');
-    let address: Option<IpAddr> = host.parse().ok();
+    let address = address(host).map(|address| address.to_canonical());
     host.eq_ignore_ascii_case("localhost")
         || address.is_some_and(|address| address.is_loopback() || Some(address) == arrived)
+}
+
+/// The address that a host is, if it is one: one of IPv6 stands in brackets.
+fn address(host: &str) -> Option<IpAddr> {
+    match host.strip_prefix('[').and_then(|host| host.strip_suffix(']')) {
+        Some(host) => host.parse().ok().map(IpAddr::V6),
+        None => host.parse().ok().map(IpAddr::V4),
+    }
 }
 
 /// A web page may ask only if it comes from here.
@@ -135,10 +148,21 @@ fn check_origin(headers: &HeaderMap, host: &Authority) -> Result<(), Problem> {
     if headers.get_all(header::ORIGIN).iter().all(from_here) {
         return Ok(());
     }
-    Err(Problem::new(
-        StatusCode::FORBIDDEN,
-        "this comes from a web page of another origin; it may not control anything here",
-    ))
+    Err(foreign())
+}
+
+/// Browsers send no `Origin` with what a foreign page embeds, as an image, but say that it is from another site. Only a
+/// link may lead here from elsewhere, to the page.
+fn check_site(request: &Request) -> Result<(), Problem> {
+    let is_foreign = |site: &HeaderValue| site.as_bytes().eq_ignore_ascii_case(b"cross-site");
+    let is_foreign = request.headers().get_all(FETCH_SITE).iter().any(is_foreign);
+    let is_link = matches!(*request.method(), Method::GET | Method::HEAD) && request.uri().path() == "/";
+    if is_foreign && !is_link { Err(foreign()) } else { Ok(()) }
+}
+
+fn foreign() -> Problem {
+    let message = "this comes from a web page of another origin; it may not control anything here";
+    Problem::new(StatusCode::FORBIDDEN, message)
 }
 
 fn unauthorised(message: String) -> Problem {
@@ -152,8 +176,20 @@ mod tests {
     #[test]
     fn only_names_of_this_computer_are_here() {
         let arrived = "192.0.2.7".parse().ok();
-        for host in ["localhost", "LocalHost", "127.0.0.1", "127.9.9.9", "[::1]", "192.0.2.7"] {
+        for host in [
+            "localhost",
+            "LocalHost",
+            "127.0.0.1",
+            "127.9.9.9",
+            "[::1]",
+            "192.0.2.7",
+            "[::ffff:127.0.0.1]",
+            "[::ffff:192.0.2.7]",
+        ] {
             assert!(is_here(host, arrived), "{host}");
+        }
+        for host in ["[127.0.0.1]", "[localhost]", "::1", "[::1", "[[::1]]", "[::ffff:192.0.2.8]"] {
+            assert!(!is_here(host, arrived), "{host}");
         }
         for host in ["", "localhost.evil.example", "127.0.0.1.evil.example", "192.0.2.8", "0.0.0.0", "[::2]"]
         {

@@ -101,6 +101,32 @@ async fn the_page_too_is_refused_to_foreign_names_and_pages() {
 }
 
 #[tokio::test]
+async fn what_a_page_of_another_site_embeds_is_refused_and_a_link_to_the_page_is_not() {
+    let bench = Bench::start(Guard::open()).await;
+    let from = |site: &str| format!("Host: localhost\r\nSec-Fetch-Site: {site}\r\n");
+    for line in ["GET /v1/things", "GET /assets/x", "PUT /v1/things", "POST /", "GET /nothing"] {
+        assert_eq!(bench.send(line, &from("cross-site"), "").await.status, 403, "{line}");
+    }
+    assert_eq!(bench.send("GET /", &from("cross-site"), "").await.status, 200);
+    for site in ["same-origin", "same-site", "none"] {
+        assert_eq!(bench.send("GET /v1/things", &from(site), "").await.status, 200, "{site}");
+    }
+}
+
+#[tokio::test]
+async fn a_host_that_only_looks_like_this_one_is_another() {
+    let bench = Bench::start(Guard::open()).await;
+    for host in ["[127.0.0.1]", "[localhost]", "evil.example@127.0.0.1", "127.0.0.1@evil.example"] {
+        let head = format!("Host: {host}\r\n");
+        assert_eq!(bench.send("GET /v1/things", &head, "").await.status, 403, "{host}");
+    }
+    for host in ["127.0.0.1:80", "[::ffff:127.0.0.1]", "[::1]:80"] {
+        let head = format!("Host: {host}\r\n");
+        assert_eq!(bench.send("GET /v1/things", &head, "").await.status, 200, "{host}");
+    }
+}
+
+#[tokio::test]
 async fn what_is_not_there_is_told_with_where_to_look_whichever_table_is_asked() {
     let bench = Bench::start(Guard::open()).await;
     let answer = bench.get("/nothing").await;
