@@ -73,6 +73,54 @@ impl Input {
             Input::Continue => "CONTINUE",
         }
     }
+
+    /// What a signal there means for the motor and the program, in a sentence.
+    pub const fn about(self) -> &'static str {
+        match self {
+            Input::In0 => {
+                "General purpose: a program can wait for it (WAIT_IN0, SET_WAIT_2) or branch by it (GOTO_PROGRAM_IF_IN0), and \
+                 GO_UNTIL turns the motor until it signals."
+            }
+            Input::In1 => {
+                "The mark: SCAN_MARK stops the motor at it and remembers the position; a program can also wait for it \
+                 (WAIT_IN1, SET_WAIT_2) or branch by it (GOTO_PROGRAM_IF_IN1)."
+            }
+            Input::SetZero => {
+                "The home switch: SCAN_ZERO stops the motor at it and takes the position as zero; a program can also branch by \
+                 it (GOTO_PROGRAM_IF_IN_ZERO), and it cuts SET_WAIT_2 short."
+            }
+            Input::Sw => {
+                "The switch input of the motor chip: its level is SW_F, and that it was closed stays in SW_EVN until that is \
+                 cleared; GO_UNTIL can turn the motor until it signals."
+            }
+            Input::En => {
+                "Enable of the control by pulses: after STEP_CLOCK pulses at STEP count while this signals."
+            }
+            Input::Step => {
+                "A pulse here turns the motor by one microstep after STEP_CLOCK, while EN signals."
+            }
+            Input::Dir => {
+                "The direction of the control by pulses: after STEP_CLOCK a pulse at STEP turns the motor forward while this \
+                 signals, and backward otherwise."
+            }
+            Input::Continue => {
+                "Synchronises the programs of several controllers: a program that has come to WAIT_CONTINUE goes on when this \
+                 signals."
+            }
+        }
+    }
+
+    /// Where the maker says so.
+    pub const fn source(self) -> &'static str {
+        match self {
+            Input::In0 => "ch. 4.2 (TARGET_INPUT), App. B, 0x27, 0x2A, 0x3C",
+            Input::In1 => "ch. 4.2 (SCAN_MARK), App. B, 0x18, 0x28, 0x2B, 0x3C",
+            Input::SetZero => "ch. 4.2 (SCAN_ZERO), App. B, 0x16, 0x3A, 0x3C",
+            Input::Sw => "ch. 4.3 (SW_F, SW_EVN)",
+            Input::En | Input::Step | Input::Dir => "App. B, 0x34",
+            Input::Continue => "App. B, 0x3B",
+        }
+    }
 }
 
 impl fmt::Display for Input {
@@ -93,5 +141,14 @@ mod tests {
         }
         assert_eq!(Input::from_number(8), None);
         assert_eq!(Input::from_name("IN2"), None);
+    }
+
+    #[test]
+    fn each_input_has_a_sentence_of_its_own() {
+        for input in Input::ALL {
+            assert!(input.about().ends_with('.') && !input.source().is_empty(), "{input}");
+            let alike = Input::ALL.into_iter().filter(|other| other.about() == input.about());
+            assert_eq!(alike.count(), 1, "{input}");
+        }
     }
 }
