@@ -1,9 +1,11 @@
 """The panel in a real browser: Debian's Chromium, driven by Playwright."""
 
 import contextlib
+import http.client
 import json
 import os
 import pathlib
+import signal
 import subprocess
 import time
 
@@ -88,6 +90,23 @@ class PanelRig(Rig):
         """A drive as its rig sees it, whatever the panel shows."""
         return self.control.get(f"/v1/drives/{name}")
 
+    def post(self, path: str, body: dict):
+        """Asks the panel for something, as its page would."""
+        connection = http.client.HTTPConnection(self.panel.removeprefix("http://").rstrip("/"), timeout=10)
+        with contextlib.closing(connection):
+            connection.request("POST", path, json.dumps(body), {"Content-Type": "application/json"})
+            reply = connection.getresponse()
+            assert reply.status in (200, 202), reply.read()
+
+    @contextlib.contextmanager
+    def frozen(self):
+        """The server says and hears nothing for a while, but its connections stand."""
+        self.process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self.process.send_signal(signal.SIGCONT)
+
     def speed(self, name: str) -> float:
         """The true speed of a drive, in full steps a second."""
         return self.drive(name)["speed"]
@@ -127,9 +146,16 @@ class Tab:
 
     def open(self, route: str = "#/") -> Page:
         """Goes to a page of the panel, and waits until it is connected."""
-        self.page.goto(self.rig.panel + route)
-        expect(self.page.locator(".link")).to_have_text("connected")
-        return self.page
+        return self._go(self.page, route)
+
+    def another(self, route: str = "#/") -> Page:
+        """Opens a further tab of the same browser."""
+        return self._go(self._new_page(), route)
+
+    def _go(self, page: Page, route: str) -> Page:
+        page.goto(self.rig.panel + route)
+        expect(page.locator(".link")).to_have_text("connected", timeout=15_000)
+        return page
 
     def shoot(self, name: str):
         """Keeps a picture of what is seen."""
@@ -144,17 +170,20 @@ class Tab:
 class RealPanel:
     """`stepdrive panel` on the stage of a rig, which it takes for a real drive: it knows only where that is."""
 
-    def __init__(self, rig: PanelRig):
+    MILLIMETRES = 'unit = "mm"\nper_turn = 5.0\nlimits = [-5, 40]\nsteps_per_rev = 200\n'
+
+    def __init__(self, rig: PanelRig, unit: str = MILLIMETRES, port: int | str = 0):
         stage = rig.drives[0]["modbus_tcp"]
-        axis = f'[axis.bench]\nuri = "smsd+tcp://{stage}"\nunit = "mm"\nper_turn = 5.0\nlimits = [-5, 40]\n'
-        (rig.folder / "stepdrive.toml").write_text(axis + "steps_per_rev = 200\n")
-        command = [os.path.abspath(os.environ["STEPDRIVE"]), "panel", "--listen", f"{HOST}:0", "--json"]
+        axis = f'[axis.bench]\nuri = "smsd+tcp://{stage}"\n{unit}'
+        (rig.folder / "stepdrive.toml").write_text(axis)
+        command = [os.path.abspath(os.environ["STEPDRIVE"]), "panel", "--listen", f"{HOST}:{port}", "--json"]
         environment = {**os.environ, "XDG_STATE_HOME": str(rig.folder / "trust")}
         with open(rig.folder / "panel-stderr", "wb") as stderr:
             self.process = subprocess.Popen(
                 command, cwd=rig.folder, env=environment, stdout=subprocess.PIPE, stderr=stderr
             )
         self.panel = json.loads(self.process.stdout.readline())["panel"]
+        self.port = self.panel.rstrip("/").rsplit(":", 1)[1]
 
     def stop(self):
         """Ends it as a person would; it must end well."""

@@ -4,7 +4,7 @@
 use crate::flags::FlagRow;
 use crate::look::{Focus, Looker};
 use crate::member::{AxisInfo, Member};
-use crate::{Shared, bake, events, flags, jog, motion, programs, settings};
+use crate::{Shared, bake, events, flags, jog, motion, programs, settings, stopping};
 use axum::Router;
 use axum::extract::State;
 use axum::http::{Method, StatusCode, header};
@@ -30,10 +30,11 @@ pub(crate) type ThePanel = State<Arc<Shared>>;
 #[derive(Debug, Serialize)]
 pub(crate) struct Nothing {}
 
-const ROUTES: [Route<Arc<Shared>>; 27] = [
+const ROUTES: [Route<Arc<Shared>>; 28] = [
     route(Method::GET, "/v1/axes/openapi.json", |method| on(method, document)),
     route(Method::GET, "/v1/axes", |method| on(method, axes)),
     route(Method::GET, "/v1/axes/events", |method| on(method, events::events)),
+    route(Method::POST, "/v1/axes/stop", |method| on(method, stopping::stop_all)),
     route(Method::GET, "/v1/axes/{axis}", |method| on(method, axis)),
     route(Method::POST, "/v1/axes/{axis}/jog", |method| on(method, jog::jog)),
     route(Method::POST, "/v1/axes/{axis}/jog/end", |method| on(method, jog::end)),
@@ -42,7 +43,7 @@ const ROUTES: [Route<Arc<Shared>>; 27] = [
     route(Method::POST, "/v1/axes/{axis}/home", |method| on(method, motion::home)),
     route(Method::POST, "/v1/axes/{axis}/zero", |method| on(method, motion::zero)),
     route(Method::POST, "/v1/axes/{axis}/clear", |method| on(method, motion::clear)),
-    route(Method::POST, "/v1/axes/{axis}/stop", |method| on(method, motion::stop)),
+    route(Method::POST, "/v1/axes/{axis}/stop", |method| on(method, stopping::stop)),
     route(Method::GET, "/v1/axes/{axis}/programs", |method| on(method, programs::fetch)),
     route(Method::PUT, "/v1/axes/{axis}/programs", |method| on(method, programs::store)),
     route(Method::POST, "/v1/axes/{axis}/programs/{mem}/start", |method| on(method, programs::start)),
@@ -129,8 +130,8 @@ async fn axis(State(panel): ThePanel, Named(name): Named<String>) -> Result<Repl
     let now = match outcome.await {
         Ok(Ok((_, Some(focus)))) => focus,
         Ok(Ok((_, None))) => Focus::default(),
-        Ok(Err(error)) => Focus::lost(member.name(), error.to_string()),
-        Err(_) => Focus::lost(member.name(), format!("{} did not answer within {PATIENCE:?}", member.name())),
+        Ok(Err(error)) => panel.hub.lost(&member, error.to_string()),
+        Err(_) => panel.hub.lost(&member, format!("{} did not answer within {PATIENCE:?}", member.name())),
     };
     let now = Focus { t: panel.millis(Instant::now()), name: String::new(), ..now };
     Ok(Reply(Detail { info: member.info(), now, flags_table: flags::table(member.client()) }))

@@ -24,7 +24,9 @@ const RANGE: RangeInclusive<Duration> = Duration::from_millis(20)..=Duration::fr
 /// The most who may watch at once.
 const MOST_VIEWERS: usize = 32;
 /// After so long something is sent whatever happens, so that a page knows a dead connection from a quiet one.
-const QUIET: Duration = Duration::from_millis(500);
+const QUIET: Duration = Duration::from_millis(250);
+/// The list of axes is sent again after so long at the soonest.
+const SELDOM: Duration = Duration::from_millis(500);
 /// A look at one axis that shows nothing new is told after so long.
 const UNCHANGED: Duration = Duration::from_millis(500);
 
@@ -156,7 +158,7 @@ impl Viewer {
 
     /// Whether more is known of the axes than was told. A page begins anew with every list of axes, so not too often.
     fn has_found(&mut self) -> bool {
-        let has = self.axes_sent_at.elapsed() >= QUIET && self.found.has_changed().unwrap_or(false);
+        let has = self.axes_sent_at.elapsed() >= SELDOM && self.found.has_changed().unwrap_or(false);
         if has {
             self.found.mark_unchanged();
         }

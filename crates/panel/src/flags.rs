@@ -87,11 +87,10 @@ fn smsd_table() -> Vec<FlagRow> {
         let kind = if *reg == Reg::CmdError { "error" } else { "status" };
         FlagRow { name: row.name, about: row.about, source: row.source, doc: Some(SMSD_STATUS), kind }
     };
-    let inputs = Reg::Inputs.info();
     let input = |input: Input| FlagRow {
         name: input.name(),
-        about: inputs.about,
-        source: inputs.source,
+        about: input.about(),
+        source: input.source(),
         doc: Some(SMSD_INPUTS),
         kind: "input",
     };

@@ -42,6 +42,8 @@ pub(crate) struct Row {
     pub(crate) reading: Reading,
     /// When the last reading was begun; `None` before the first.
     pub(crate) read_at: Option<Instant>,
+    /// Nobody has looked since the last who watched has gone.
+    is_of_before: bool,
     /// Why it cannot be read.
     pub(crate) lost: Option<String>,
     focus: Option<Arc<Focus>>,
@@ -51,15 +53,37 @@ impl Row {
     /// See [`bit`].
     pub(crate) fn bits(&self) -> u16 {
         let lost = if self.lost.is_some() { bit::LOST } else { 0 };
-        let unread = if self.read_at.is_none() { bit::UNREAD } else { 0 };
+        let unread = if self.is_unread() { bit::UNREAD } else { 0 };
         self.reading.bits | lost | unread
     }
 
-    /// How old the last reading is, in milliseconds, when it is lost.
+    /// Whether it was never read, or not since looking at it was begun again and without its being known as lost.
+    fn is_unread(&self) -> bool {
+        self.read_at.is_none() || (self.is_of_before && self.lost.is_none())
+    }
+
+    /// How old the last reading is, in milliseconds, when it is not of now.
     pub(crate) fn age(&self) -> Option<u64> {
-        self.lost.as_ref()?;
+        if self.lost.is_none() && !self.is_of_before {
+            return None;
+        }
         let age = self.read_at?.elapsed().as_millis();
         Some(u64::try_from(age).unwrap_or(u64::MAX))
+    }
+
+    /// What was seen last.
+    fn last(&self, member: &Member) -> Focus {
+        Focus {
+            name: member.name().to_owned(),
+            p: self.reading.position,
+            v: self.reading.speed,
+            e: self.reading.faults.clone(),
+            b: self.bits(),
+            rev: member.revision(),
+            a: self.age(),
+            w: self.lost.clone(),
+            ..self.focus.as_deref().cloned().unwrap_or_default()
+        }
     }
 }
 
@@ -126,13 +150,14 @@ impl Hub {
         Watcher { hub: Arc::clone(self), closely }
     }
 
-    /// Begins to look. What was seen before is of another time.
+    /// Begins to look. What was seen before is of another time; it is kept as that.
     fn begin(self: &Arc<Hub>, tasks: &mut JoinSet<()>) {
         let mut seen = self.seen();
         seen.version += 1;
         let version = seen.version;
         for row in &mut seen.rows {
-            *row = Row { version, ..Row::default() };
+            row.version = version;
+            row.is_of_before = true;
         }
         drop(seen);
         for member in &self.members {
@@ -146,6 +171,18 @@ impl Hub {
         let seen = self.seen();
         let rows = seen.rows.iter().enumerate().filter(|(_, row)| row.version > version);
         (seen.version, rows.map(|(place, row)| (place, row.clone())).collect())
+    }
+
+    /// When an axis was last seen, if it stood without current then.
+    pub(crate) fn seen_at_rest(&self, member: &Member) -> Option<Instant> {
+        let seen = self.seen();
+        let row = seen.rows.get(member.index()).filter(|row| row.lost.is_none())?;
+        row.read_at.filter(|_| row.reading.bits & (bit::MOVING | bit::ENERGISED | bit::PROGRAM) == 0)
+    }
+
+    /// Why an axis cannot be read, if it cannot.
+    pub(crate) fn why_lost(&self, member: &Member) -> Option<String> {
+        self.seen().rows.get(member.index())?.lost.clone()
     }
 
     /// Changes when something was found out about axes beyond their state.
@@ -164,8 +201,9 @@ impl Hub {
         let mut seen = self.seen();
         let next = seen.version + 1;
         let Some(row) = seen.rows.get_mut(member.index()) else { return };
-        let is_news = row.lost.is_some() || row.read_at.is_none() || row.reading != reading;
+        let is_news = row.lost.is_some() || row.is_unread() || row.reading != reading;
         row.lost = None;
+        row.is_of_before = false;
         row.reading = reading;
         row.read_at = Some(begun);
         if is_news {
@@ -188,20 +226,18 @@ impl Hub {
         let Some(row) = seen.rows.get_mut(member.index()) else { return };
         let is_news = row.lost.as_deref() != Some(why);
         row.lost = Some(why.to_owned());
-        let last = row.focus.as_deref().cloned().unwrap_or_default();
-        let focus = Focus {
-            t: self.millis(Instant::now()),
-            name: member.name().to_owned(),
-            b: row.bits(),
-            a: row.age(),
-            w: Some(why.to_owned()),
-            ..last
-        };
+        let focus = Focus { t: self.millis(Instant::now()), ..row.last(member) };
         member.focus.send_replace(Some(Arc::new(focus)));
         if is_news {
             row.version = next;
             seen.version = next;
         }
+    }
+
+    /// An axis that cannot be read, as it was last seen.
+    pub(crate) fn lost(&self, member: &Member, why: String) -> Focus {
+        let row = self.seen().rows.get(member.index()).cloned().unwrap_or_default();
+        Row { lost: Some(why), ..row }.last(member)
     }
 
     fn millis(&self, at: Instant) -> u64 {
@@ -249,7 +285,7 @@ async fn look_in_turns(hub: Arc<Hub>, member: Arc<Member>) {
                 let at = if begun.elapsed() <= patience { begun } else { Instant::now() };
                 hub.note(&member, at, reading, focus);
                 if member.model().is_none()
-                    && matches!(timeout(patience, member.find_model()).await, Ok(Ok(true)))
+                    && matches!(timeout(patience, member.work(member.find_model())).await, Ok(Ok(true)))
                 {
                     hub.found.send_modify(|count| *count += 1);
                 }

@@ -7,9 +7,12 @@
 use crate::api::{Nothing, ThePanel, find, problem};
 use crate::member::{Client, Member, Way};
 use crate::notices::Level;
+use crate::quantity::{counted, shortly};
+use crate::stopping;
+use crate::stopping::PATIENCE;
 use axum::extract::State;
-use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -28,12 +31,12 @@ const HOLD: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(20);
 /// How long after its end a jog is not begun again by a request that does not say which press it is of.
 const LATE: Duration = Duration::from_millis(200);
-/// How long a client that ends a jog waits for the stop to be sent.
-const PATIENCE: Duration = Duration::from_secs(1);
 /// Within this time a motor that brakes has become slower.
 const BRAKING: Duration = Duration::from_millis(500);
 /// How long a motor that was stopped is waited for.
 const STOPPING: Duration = Duration::from_secs(30);
+/// Of so many clients it is known which of their presses have ended.
+const MOST_ENDED: usize = 64;
 /// The longest name of a client.
 const LONGEST_ID: usize = 64;
 
@@ -71,18 +74,35 @@ pub(crate) struct Jog {
     stage: watch::Receiver<Stage>,
 }
 
-/// The jog that was last under way.
+/// The jogs that have ended, the last of each client: the newest [`MOST_ENDED`], the oldest first.
+#[derive(Debug, Default)]
+pub(crate) struct EndedJogs(VecDeque<EndedJog>);
+
 #[derive(Debug)]
-pub(crate) struct LastJog {
+struct EndedJog {
     id: String,
     press: u64,
     ended: Instant,
 }
 
-impl LastJog {
-    /// Whether what comes now with this press is of it, and late.
-    fn is_of(&self, press: u64) -> bool {
-        press <= self.press && (press > 0 || self.ended.elapsed() < LATE)
+impl EndedJogs {
+    /// A jog ends now.
+    fn add(&mut self, id: &str, press: u64) {
+        let before = self.of(id).map_or(0, |jog| jog.press);
+        self.0.retain(|jog| jog.id != id);
+        if self.0.len() == MOST_ENDED {
+            self.0.pop_front();
+        }
+        self.0.push_back(EndedJog { id: id.to_owned(), press: press.max(before), ended: Instant::now() });
+    }
+
+    fn of(&self, id: &str) -> Option<&EndedJog> {
+        self.0.iter().find(|jog| jog.id == id)
+    }
+
+    /// Whether what comes now is of a press that has ended, and late.
+    fn has(&self, id: &str, press: u64) -> bool {
+        self.of(id).is_some_and(|jog| press <= jog.press && (press > 0 || jog.ended.elapsed() < LATE))
     }
 }
 
@@ -158,11 +178,7 @@ pub(crate) async fn end(
     if timeout(PATIENCE, jog.stopped()).await.is_ok() {
         return Ok(Reply(Nothing {}));
     }
-    let name = member.name();
-    Err(Problem::new(
-        StatusCode::BAD_GATEWAY,
-        format!("{name} could not be told to stop yet; it is told again and again"),
-    ))
+    Err(stopping::not_yet(&panel, &member, None))
 }
 
 impl Begin {
@@ -170,14 +186,14 @@ impl Begin {
         if self.id.is_empty() || self.id.len() > LONGEST_ID {
             return Err(Problem::impossible(format!("`id` is 1 to {LONGEST_ID} bytes that say who jogs")));
         }
-        let value = Decimal::from_f64(self.speed).filter(|speed| *speed > Decimal::ZERO);
         let unit = member.axis().scale().unit();
-        let value = value.ok_or_else(|| {
-            Problem::impossible(format!(
+        let value = counted(self.speed, unit).map_err(problem)?;
+        if value <= Decimal::ZERO {
+            return Err(Problem::impossible(format!(
                 "a speed is above 0 {unit}/s, not {}; the direction is said by itself",
-                self.speed
-            ))
-        })?;
+                shortly(self.speed)
+            )));
+        }
         Ok(Wanted {
             press: self.press,
             direction: self.direction.into(),
@@ -208,7 +224,7 @@ fn hold(member: &Arc<Member>, id: &str, wanted: Wanted) -> Result<watch::Receive
         jog.wanted.send_replace(wanted);
         return Ok(jog.stage.clone());
     }
-    if doing.last_jog.as_ref().is_some_and(|last| last.id == id && last.is_of(wanted.press)) {
+    if doing.ended_jogs.has(id, wanted.press) {
         return Err(has_ended(member));
     }
     let (tell, stage) = watch::channel(Stage::Starting);
@@ -238,19 +254,26 @@ async fn started(mut stage: watch::Receiver<Stage>) -> Result<(), Error> {
     }
 }
 
-/// Ends the jog of an axis, if there is one, and waits until its stop was sent.
-pub(crate) async fn finish(member: &Member) {
+/// Ends the jog of an axis, if there is one.
+pub(crate) fn release(member: &Member) {
+    if let Some(jog) = &member.doing().jog {
+        jog.finish(Why::Released);
+    }
+}
+
+/// Waits until the stop of a jog that ends was sent.
+pub(crate) async fn finished(member: &Member) {
     let jog = member.doing().jog.clone();
     if let Some(jog) = jog {
-        jog.finish(Why::Released);
         jog.stopped().await;
     }
 }
 
-/// Ends the jog of an axis, if there is one, which somebody else stops. Answers whether there was one.
-pub(crate) fn give_up(member: &Member) -> bool {
-    let jog = member.doing().jog.clone();
-    jog.inspect(|jog| jog.finish(Why::Taken)).is_some()
+/// Ends the jog of an axis, if there is one, which somebody else stops.
+pub(crate) fn give_up(member: &Member) {
+    if let Some(jog) = &member.doing().jog {
+        jog.finish(Why::Taken);
+    }
 }
 
 impl Jog {
@@ -304,7 +327,7 @@ impl Jogging {
             self.say_why();
         }
         if why != Why::Taken {
-            self.member.stop_at_last(Stop::Soft).await;
+            self.stop().await;
         }
         self.tell.send_replace(Stage::Stopping);
         self.stand().await;
@@ -324,13 +347,11 @@ impl Jogging {
         if failed.is_none() && wanted.ended().is_none() {
             return false;
         }
-        let is_over = failed.is_none();
-        let jog = doing.jog.take();
-        doing.last_jog = jog.filter(|_| is_over).map(|jog| LastJog {
-            id: jog.id.clone(),
-            press: wanted.press,
-            ended: Instant::now(),
-        });
+        // Without a number the next request may be of another press, and is to hear why this one failed.
+        let is_told_apart = failed.is_none() || wanted.press > 0;
+        if let Some(jog) = doing.jog.take().filter(|_| is_told_apart) {
+            doing.ended_jogs.add(&jog.id, wanted.press);
+        }
         self.tell.send_replace(Stage::Over(failed));
         drop(doing);
         self.member.nudge.notify_one();
@@ -362,7 +383,7 @@ impl Jogging {
                 error @ (Error::Usage(_) | Error::Refused(_) | Error::Fault(_) | Error::NotAuthorised(_)),
             ) => return Err(error),
             Err(error) => {
-                self.member.stop_at_last(Stop::Soft).await;
+                self.stop().await;
                 return Err(error);
             }
         }
@@ -397,8 +418,13 @@ impl Jogging {
             override_trust: true,
             timeout: None,
         };
-        member.note_departure();
-        member.axis().run(wanted.direction, options).await
+        let stops = member.stops();
+        member.depart(stops, member.axis().run(wanted.direction, options)).await
+    }
+
+    /// Stops, however often that has to be tried.
+    async fn stop(&self) {
+        stopping::tell(&self.member, Stop::Soft).at_last().await;
     }
 
     fn say_why(&self) {
@@ -422,7 +448,8 @@ impl Jogging {
             if looked.elapsed() >= BRAKING {
                 if state.speed.abs() >= fastest {
                     // When it fails again, the next look says so.
-                    let _ = self.member.stop(Stop::Soft).await;
+                    let again = stopping::tell(&self.member, Stop::Soft);
+                    let _ = again.by(Instant::now() + BRAKING).await;
                 }
                 (looked, fastest) = (Instant::now(), state.speed.abs());
             }

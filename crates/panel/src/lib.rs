@@ -9,7 +9,9 @@
 //! | `hub` | looks at the axes, while somebody watches |
 //! | `events` | tells those who watch what has changed |
 //! | `jog` | a motion that lasts for as long as somebody says so: the dead man's timer |
-//! | `motion` | moves, homing, zero, faults, stops |
+//! | `motion` | moves, homing, zero, faults |
+//! | `quantity` | positions, distances and speeds as they are sent |
+//! | `stopping` | stops, told until they get through |
 //! | `settings` | settings from the tables, checked, applied and read back |
 //! | `programs` | programs checked, simulated, stored, started |
 //! | `assets` | the page |
@@ -19,7 +21,6 @@
 mod api;
 mod assets;
 mod bake;
-
 mod events;
 mod flags;
 mod hub;
@@ -29,7 +30,9 @@ mod member;
 mod motion;
 mod notices;
 mod programs;
+mod quantity;
 mod settings;
+mod stopping;
 
 use axum::Router;
 use hub::Hub;
@@ -43,7 +46,7 @@ use stepdrive_host::trust::TrustState;
 use stepdrive_rig::file::DriveSection;
 use tokio::time::{Instant, timeout};
 
-/// How long [`Panel::close`] waits for jogs to be stopped.
+/// How long [`Panel::close`] waits for stops to be sent.
 const CLOSING: Duration = Duration::from_secs(2);
 
 /// What turns an axis.
@@ -162,11 +165,15 @@ impl Panel {
         api::router(&self.0)
     }
 
-    /// Ends all jogs, and waits until their stops have been sent, or 2 s. To be called before the program ends.
+    /// Ends all jogs, and waits until all stops have been sent, or 2 s. To be called before the program ends.
     pub async fn close(&self) {
         let stopped = async {
             for member in &self.0.members {
-                jog::finish(member).await;
+                jog::release(member);
+            }
+            for member in &self.0.members {
+                jog::finished(member).await;
+                stopping::finished(member).await;
             }
         };
         // Who does not answer within the time cannot be stopped from here.

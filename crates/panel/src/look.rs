@@ -74,6 +74,8 @@ pub(crate) struct Focus {
     pub(crate) outputs: Named<bool>,
     pub(crate) program: Option<ProgramRow>,
     /// Age of the last reading, when it is lost.
+    /// Grows when somebody has changed its settings from here.
+    pub(crate) rev: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) a: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -89,11 +91,6 @@ pub(crate) struct ProgramRow {
 }
 
 impl Focus {
-    /// Of an axis that cannot be read.
-    pub(crate) fn lost(name: &str, why: String) -> Focus {
-        Focus { name: name.to_owned(), b: bit::LOST | bit::UNREAD, w: Some(why), ..Focus::default() }
-    }
-
     /// Whether something else than the time differs.
     pub(crate) fn differs(&self, other: &Focus) -> bool {
         Focus { t: 0, a: None, ..self.clone() } != Focus { t: 0, a: None, ..other.clone() }
@@ -214,6 +211,7 @@ fn focus(member: &Member, state: &AxisState, reading: &Reading) -> Focus {
         e: reading.faults.clone(),
         doubt: state.doubt.map(|doubt| doubt.to_string()),
         target: member.doing().aim.map(|aim| aim.to),
+        rev: member.revision(),
         ..Focus::default()
     }
 }

@@ -1,29 +1,28 @@
 //! One axis of the panel, and what is under way on it.
 
-use crate::jog::{Jog, LastJog};
+use crate::jog::{EndedJogs, Jog};
 use crate::look::Focus;
 use crate::notices::{Level, Notices};
+use crate::stopping::Stopping;
 use crate::{Controller, Keeper, Kept, PanelAxis};
 use serde::Serialize;
 use std::fmt;
-use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 use stepdrive_host::axis::{Axis, Stop};
 pub(crate) use stepdrive_host::settings::Client;
+use stepdrive_host::settings::Setting;
 use stepdrive_host::smd3::Smd3Client;
 use stepdrive_host::smsd::Smsd;
 use stepdrive_host::{Direction, Error};
 use stepdrive_rig::file::DriveSection;
 use stepdrive_spec::smsd::models::Model;
 use tokio::sync::{Notify, watch};
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{Instant, timeout};
 
 /// How long a stop waits for its turn on the line before whatever else is under way there is given up.
 const PATIENCE: Duration = Duration::from_millis(100);
-
-/// How often a stop that did not get through is sent again.
-const AGAIN: Duration = Duration::from_millis(250);
 
 /// An axis of the panel.
 pub(crate) struct Member {
@@ -39,6 +38,9 @@ pub(crate) struct Member {
     pub(crate) focus: watch::Sender<Option<Arc<Focus>>>,
     /// Wakes whoever looks at it in turns.
     pub(crate) nudge: Notify,
+    /// Counts what was done from here that changes settings.
+    revision: AtomicU64,
+    stored: Mutex<Option<Vec<Setting>>>,
     /// Counts stops, so that what ends by one can be told from what ends otherwise.
     stops: AtomicU32,
 }
@@ -47,9 +49,26 @@ pub(crate) struct Member {
 #[derive(Default)]
 pub(crate) struct Doing {
     pub(crate) jog: Option<Arc<Jog>>,
-    pub(crate) last_jog: Option<LastJog>,
+    pub(crate) ended_jogs: EndedJogs,
     pub(crate) homing: bool,
     pub(crate) aim: Option<Aim>,
+    pub(crate) stopping: Option<Stopping>,
+    /// How many motions are being begun.
+    departing: u32,
+    /// When the last was.
+    departed: Option<Instant>,
+}
+
+impl Doing {
+    /// See [`Member::check_idle`].
+    pub(crate) fn check_idle(&self, name: &str) -> Result<(), Error> {
+        let what = match (&self.jog, self.homing) {
+            (_, true) => "is looking for its home switch",
+            (Some(_), false) => "is being jogged",
+            (None, false) => return Ok(()),
+        };
+        Err(Error::Refused(format!("{name} {what}; stop it first; nothing was sent")))
+    }
 }
 
 /// Where a move that was started from here goes.
@@ -73,6 +92,7 @@ pub(crate) struct AxisInfo {
     r#virtual: bool,
     target: String,
     unit: &'static str,
+    /// Full steps as the controller counts them, which it does the other way for a reversed axis.
     steps_per_unit: f64,
     limits: Option<[f64; 2]>,
 }
@@ -89,6 +109,8 @@ impl Member {
             close_watchers: AtomicUsize::new(0),
             focus: watch::Sender::new(None),
             nudge: Notify::new(),
+            revision: AtomicU64::new(0),
+            stored: Mutex::default(),
             stops: AtomicU32::new(0),
         }
     }
@@ -102,6 +124,10 @@ impl Member {
 
     pub(crate) fn name(&self) -> &str {
         &self.axis.name
+    }
+
+    pub(crate) fn controller(&self) -> &Controller {
+        &self.axis.controller
     }
 
     pub(crate) fn axis(&self) -> &dyn Axis {
@@ -151,7 +177,7 @@ impl Member {
             r#virtual: self.axis.is_virtual,
             target: self.axis.target.clone(),
             unit: scale.unit().name(),
-            steps_per_unit: 1.0 / scale.from_steps(1.0).abs(),
+            steps_per_unit: 1.0 / scale.from_steps(1.0),
             limits: range.map(|(low, high)| [low.as_f64(), high.as_f64()]),
         }
     }
@@ -204,6 +230,34 @@ impl Member {
         self.axis.keeper.as_deref()
     }
 
+    // ---- settings
+
+    /// Something was done that changes its settings.
+    pub(crate) fn revise(&self) {
+        self.revision.fetch_add(1, Ordering::SeqCst);
+        self.nudge.notify_one();
+    }
+
+    /// Grows with each [`Member::revise`].
+    pub(crate) fn revision(&self) -> u64 {
+        self.revision.load(Ordering::SeqCst)
+    }
+
+    /// What it keeps without power, as far as that is known: what was stored or loaded from here last.
+    pub(crate) fn stored(&self) -> Option<Vec<Setting>> {
+        self.lock_stored().clone()
+    }
+
+    /// This is what it keeps from now on, or nobody knows.
+    pub(crate) fn note_stored(&self, stored: Option<Vec<Setting>>) {
+        *self.lock_stored() = stored;
+    }
+
+    fn lock_stored(&self) -> MutexGuard<'_, Option<Vec<Setting>>> {
+        // They are plain values, so whoever panicked left nothing half done.
+        self.stored.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     // ---- what is under way
 
     pub(crate) fn doing(&self) -> MutexGuard<'_, Doing> {
@@ -213,13 +267,7 @@ impl Member {
 
     /// Fails while it homes or is jogged: what is asked for then would wait, and come as a surprise.
     pub(crate) fn check_idle(&self) -> Result<(), Error> {
-        let doing = self.doing();
-        let what = match (&doing.jog, doing.homing) {
-            (_, true) => "is looking for its home switch",
-            (Some(_), false) => "is being jogged",
-            (None, false) => return Ok(()),
-        };
-        Err(Error::Refused(format!("{} {what}; stop it first; nothing was sent", self.name())))
+        self.doing().check_idle(self.name())
     }
 
     /// How often it was told to stop.
@@ -241,10 +289,15 @@ impl Member {
         }
     }
 
-    /// Stops it. Whatever is under way on its line goes on if it lets the stop through at once, and is given up otherwise.
-    pub(crate) async fn stop(&self, how: Stop) -> Result<(), Error> {
+    /// Somebody wants it to stop: what is about to be begun is not.
+    pub(crate) fn note_stop(&self) {
         self.stops.fetch_add(1, Ordering::SeqCst);
         self.doing().aim = None;
+    }
+
+    /// Tells it once to stop. Whatever is under way on its line goes on if it lets the stop through at once, and is given up otherwise.
+    pub(crate) async fn stop(&self, how: Stop) -> Result<(), Error> {
+        self.note_stop();
         let mut stopped = self.axis().stop(how);
         let done = if let Ok(done) = timeout(PATIENCE, &mut stopped).await {
             done
@@ -257,19 +310,59 @@ impl Member {
         done
     }
 
-    /// Stops it however often that has to be tried.
-    pub(crate) async fn stop_at_last(&self, how: Stop) {
-        let mut told = false;
-        while let Err(error) = self.stop(how).await {
-            if !std::mem::replace(&mut told, true) {
-                let name = self.name();
-                self.tell(
-                    Level::Error,
-                    format!("{name} could not be told to stop, and is told again and again: {error}"),
-                );
-            }
-            sleep(AGAIN).await;
+    // ---- being begun
+
+    /// Begins a motion, unless it was told to stop since it was told to do so `stops` times.
+    ///
+    /// What is begun has to be called, and not only awaited, before this: from then on it sees by itself that a stop has come.
+    pub(crate) async fn depart<T>(
+        &self,
+        stops: u32,
+        motion: impl Future<Output = Result<T, Error>>,
+    ) -> Result<T, Error> {
+        let _departing = Departing::new(self);
+        self.note_departure();
+        if self.stops() != stops {
+            return Err(Error::Refused(format!("{} was told to stop; nothing was sent", self.name())));
         }
+        let begun = motion.await?;
+        self.was_reached(stops);
+        Ok(begun)
+    }
+
+    /// What was asked of it was done: a stop from before need not be told again.
+    fn was_reached(&self, stops: u32) {
+        let doing = self.doing();
+        if let Some(stopping) = doing.stopping.as_ref().filter(|_| self.stops() == stops) {
+            stopping.end();
+        }
+    }
+
+    /// Whether no motion was begun from here since a time, and none is being.
+    pub(crate) fn has_not_departed_since(&self, time: Instant) -> bool {
+        let doing = self.doing();
+        doing.departing == 0
+            && doing.jog.is_none()
+            && !doing.homing
+            && doing.departed.is_none_or(|departed| departed < time)
+    }
+}
+
+/// A motion that is being begun.
+struct Departing<'a>(&'a Member);
+
+impl Departing<'_> {
+    fn new(member: &Member) -> Departing<'_> {
+        member.doing().departing += 1;
+        Departing(member)
+    }
+}
+
+impl Drop for Departing<'_> {
+    fn drop(&mut self) {
+        let mut doing = self.0.doing();
+        doing.departing -= 1;
+        doing.departed = Some(Instant::now());
     }
 }
 

@@ -1,29 +1,21 @@
-//! Moves, endless motion, homing, zero, faults and stops, as clients ask for them.
+//! Moves, endless motion, homing, zero and faults, as clients ask for them.
 //!
 //! What was begun goes on when its client hangs up half-way: it runs in a task of its own, and the client only waits for it.
 
 use crate::Kept;
 use crate::api::{Nothing, ThePanel, find, problem};
-use crate::jog;
 use crate::member::{Aim, Member, Way};
 use crate::notices::Level;
+use crate::quantity::Quantity;
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use stepdrive_host::Error;
-use stepdrive_host::axis::{MoveOptions, Plan, Stop};
-use stepdrive_host::units::{Amount, Goal, Speed};
+use stepdrive_host::axis::{MoveOptions, Plan};
+use stepdrive_host::units::Goal;
 use stepdrive_web::{Asked, Named, Problem, Reply};
 use tokio::time::Instant;
-
-/// A number in the axis' unit, or a text with a unit.
-#[derive(Debug, Deserialize)]
-#[serde(untagged)]
-enum Quantity {
-    Number(f64),
-    Text(String),
-}
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -53,22 +45,6 @@ pub(crate) struct Home {
     speed: Option<Quantity>,
 }
 
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct HowToStop {
-    #[serde(default)]
-    how: How,
-}
-
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum How {
-    #[default]
-    Soft,
-    Hard,
-    Free,
-}
-
 /// A move as it was begun, or would be.
 #[derive(Debug, Serialize)]
 pub(crate) struct Planned {
@@ -77,32 +53,6 @@ pub(crate) struct Planned {
     distance: f64,
     seconds: f64,
     sent: Vec<String>,
-}
-
-impl Quantity {
-    fn amount(&self, member: &Member) -> Result<Amount, Error> {
-        let unit = member.axis().scale().unit();
-        match self {
-            Quantity::Number(number) => Amount::of(*number, unit),
-            Quantity::Text(text) => {
-                bare(text).map_or_else(|| Amount::parse(text), |number| Amount::of(number, unit))
-            }
-        }
-    }
-
-    fn speed(&self, member: &Member) -> Result<Speed, Error> {
-        let unit = member.axis().scale().unit();
-        let of = |number| Amount::of(number, unit).map(|amount| Speed::new(amount.value, unit));
-        match self {
-            Quantity::Number(number) => of(*number),
-            Quantity::Text(text) => bare(text).map_or_else(|| Speed::parse(text), of),
-        }
-    }
-}
-
-/// The number that a text is, if it has no unit.
-fn bare(text: &str) -> Option<f64> {
-    text.trim().parse().ok()
 }
 
 impl From<Plan> for Planned {
@@ -148,20 +98,20 @@ pub(crate) async fn r#move(
         let plan = member.work(member.axis().plan(goal, options)).await.map_err(problem)?;
         return Ok(Reply(plan.into()));
     }
-    to_the_end(go(member, goal, options)).await.map(|plan| Reply(plan.into()))
+    let stops = member.stops();
+    to_the_end(go(member, goal, options, stops)).await.map(|plan| Reply(plan.into()))
 }
 
 /// Begins a move, and remembers where it goes.
-async fn go(member: Arc<Member>, goal: Goal, options: MoveOptions) -> Result<Plan, Error> {
+async fn go(member: Arc<Member>, goal: Goal, options: MoveOptions, stops: u32) -> Result<Plan, Error> {
     member.check_idle()?;
-    let stops = member.stops();
-    member.note_departure();
-    let plan = member.work(member.axis().go(goal, options)).await?;
+    let plan = member.work(member.depart(stops, member.axis().go(goal, options))).await?;
     let step = member.axis().scale().from_steps(1.0).abs();
     let aim = Aim { to: plan.to.value.as_f64(), within: step, since: Instant::now(), stops };
     member.doing().aim = Some(aim);
     member.keep_trust(Kept::Acted);
-    member.nudge.notify_one();
+    // A speed that is given is a setting.
+    member.revise();
     Ok(plan)
 }
 
@@ -173,14 +123,14 @@ pub(crate) async fn run(
     let member = find(&panel, &name)?;
     let speed = asked.speed.as_ref().map(|speed| speed.speed(&member)).transpose().map_err(problem)?;
     let options = MoveOptions { speed, no_wait: true, override_trust: asked.override_trust, timeout: None };
+    let stops = member.stops();
     to_the_end(async move {
         member.check_idle()?;
         let direction = asked.direction.into();
         member.doing().aim = None;
-        member.note_departure();
-        member.work(member.axis().run(direction, options)).await?;
+        member.work(member.depart(stops, member.axis().run(direction, options))).await?;
         member.keep_trust(Kept::Acted);
-        member.nudge.notify_one();
+        member.revise();
         Ok(Reply(Nothing {}))
     })
     .await
@@ -193,30 +143,29 @@ pub(crate) async fn home(
 ) -> Result<(StatusCode, Reply<Nothing>), Problem> {
     let member = find(&panel, &name)?;
     let speed = asked.speed.as_ref().map(|speed| speed.speed(&member)).transpose().map_err(problem)?;
+    let stops = member.stops();
     begin_homing(&member).map_err(problem)?;
     let options = MoveOptions { speed, ..MoveOptions::default() };
-    tokio::spawn(look_for_home(member, asked.direction, options));
+    tokio::spawn(look_for_home(member, asked.direction, options, stops));
     Ok((StatusCode::ACCEPTED, Reply(Nothing {})))
 }
 
 /// Takes the axis for homing.
 fn begin_homing(member: &Member) -> Result<(), Error> {
-    member.check_idle()?;
     let mut doing = member.doing();
+    doing.check_idle(member.name())?;
     doing.homing = true;
     doing.aim = None;
     Ok(())
 }
 
 /// Homes to the end, and tells when that is not as it should be.
-async fn look_for_home(member: Arc<Member>, way: Way, options: MoveOptions) {
+async fn look_for_home(member: Arc<Member>, way: Way, options: MoveOptions, stops: u32) {
     member.nudge.notify_one();
-    let stops = member.stops();
-    member.note_departure();
-    let homed = member.work(member.axis().home(way.into(), options)).await;
+    let homed = member.work(member.depart(stops, member.axis().home(way.into(), options))).await;
     member.doing().homing = false;
     member.keep_trust(if homed.is_ok() { Kept::Zeroed } else { Kept::Acted });
-    member.nudge.notify_one();
+    member.revise();
     let name = member.name();
     match homed {
         Ok(()) => {}
@@ -250,7 +199,7 @@ pub(crate) async fn clear(
     to_the_end(async move {
         let left = member.work(member.axis().clear_faults()).await?;
         member.keep_trust(Kept::Acted);
-        member.nudge.notify_one();
+        member.revise();
         if left.is_empty() {
             return Ok(Reply(Nothing {}));
         }
@@ -260,29 +209,6 @@ pub(crate) async fn clear(
         Err(Error::Fault(format!(
             "{name} is not clear: {told}; the cause is still there, remove it and clear again"
         )))
-    })
-    .await
-}
-
-pub(crate) async fn stop(
-    State(panel): ThePanel,
-    Named(name): Named<String>,
-    Asked(HowToStop { how }): Asked<HowToStop>,
-) -> Result<Reply<Nothing>, Problem> {
-    let member = find(&panel, &name)?;
-    let how = match how {
-        How::Soft => Stop::Soft,
-        How::Hard => Stop::Hard,
-        How::Free => Stop::Free,
-    };
-    to_the_end(async move {
-        let jogged = jog::give_up(&member);
-        let stopped = member.stop(how).await;
-        if stopped.is_err() && jogged {
-            // The jog has been given up for this stop, so this is what has to end the motion.
-            tokio::spawn(async move { member.stop_at_last(how).await });
-        }
-        stopped.map(|()| Reply(Nothing {}))
     })
     .await
 }

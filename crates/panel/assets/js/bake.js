@@ -8,9 +8,12 @@ const MOST_S = 6 * 3600;
 const EVERY_S = 1;
 const LEAST_SHOWN_S = 60;
 const HEIGHT_PX = 300;
-/** The settings of the limits that say which of them count. */
-const LIMIT_SETTINGS = { all: "L", "LIMIT NEGATIVE": "L-", "LIMIT POSITIVE": "L+" };
+/** So long after a change elsewhere the settings are read again: changes seldom come alone. */
+const SOON_MS = 300;
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+/** Why there is no temperature, as far as the flags tell. */
+const brokenSensor = (now) => (now.flags?.TOPEN ? "the temperature sensor is open (TOPEN)" : now.flags?.TSHORT ? "the temperature sensor is short-circuited (TSHORT)" : "");
 
 /** Temperatures that were seen, by name of the drive: times, temperatures, set-points. */
 const seen = new Map();
@@ -24,7 +27,7 @@ keeper.sample = (now) => {
   const time = Date.now() / 1000;
   if (time - (columns[0].at(-1) ?? 0) < EVERY_S) return;
   columns[0].push(time);
-  columns[1].push(warm);
+  columns[1].push(brokenSensor(now) ? null : warm);
   columns[2].push(now.q.BAKET ?? null);
   if (columns[0].length > MOST_S * 1.1) for (const column of columns) column.splice(0, column.length - MOST_S);
 };
@@ -44,6 +47,7 @@ export function mountBake(root, context) {
 function mountControl(root, context) {
   const { axis } = context;
   const warm = h("div", { class: "big number live", id: "temperature" }, "–");
+  const sensor = h("p", { class: "error", id: "sensor", role: "status" });
   const mode = h("p", { id: "bake-state", role: "status" });
   const set = h("input", { id: "setpoint", type: "text", inputMode: "decimal", autocomplete: "off", value: "150", size: 6 });
   const start = () => context.attempt(async () => {
@@ -56,14 +60,16 @@ function mountControl(root, context) {
     await api("DELETE", ofAxis(axis.name, "/bake"));
     context.notify("good", `${axis.name} cools`);
   });
-  replace(root, h("h2", {}, "Bake-out"), warm, mode,
+  replace(root, h("h2", {}, "Bake-out"), warm, sensor, mode,
     h("form", { onsubmit: (event) => { event.preventDefault(); start(); } },
       h("div", { class: "field" }, h("label", { for: "setpoint" }, "Set-point, in °C"), set),
       h("div", { class: "pair" },
         h("button", { class: "primary moves", id: "bake-start", title: "Warms the motor through its phases; it does not turn" }, "Start baking"),
         h("button", { type: "button", id: "bake-end", onclick: end }, "End baking"))));
   return store.watch("focus", (now) => {
-    setText(warm, now.q?.TMOT === undefined ? "–" : `${shown(now.q.TMOT, 1)} °C`);
+    const broken = brokenSensor(now);
+    setText(warm, broken || now.q?.TMOT === undefined ? "–" : `${shown(now.q.TMOT, 1)} °C`);
+    setText(sensor, broken ? `No reading: ${broken}.` : "");
     setText(mode, now.flags?.BAKE ? `baking, set-point ${shown(now.q?.BAKET, 0)} °C` : "not baking");
   });
 }
@@ -120,34 +126,83 @@ function mountTemperature(root, context) {
 function mountLimits(root, context) {
   const { axis } = context;
   const trust = h("p", { class: "trust", role: "status" });
-  const home = (way) => context.attempt(async () => {
-    await api("POST", ofAxis(axis.name, "/home"), { direction: way });
-    context.notify("good", `${axis.name} looks for home`);
-  });
-  const side = (flag, way, label) => {
+  const problem = h("p", { class: "error", role: "alert" });
+  const home = (way) => context.attempt(() => api("POST", ofAxis(axis.name, "/home"), { direction: way }));
+  const all = limitSwitch("L", "The limit inputs stop the motor", set);
+  const side = (flag, way, words) => {
     const light = h("span", { class: "light" }, flag);
-    const counts = h("span", { class: "quiet" });
-    const row = h("div", { class: "limit" }, light, counts,
-      h("button", { type: "button", class: "small moves", id: `home-${way === "-" ? "negative" : "positive"}`, onclick: () => home(way) }, label));
-    return { flag, light, counts, row };
+    const enabled = limitSwitch(`L${way}`, "enabled", set);
+    const polarity = h("small", {});
+    const button = h("button", { type: "button", class: "small moves", id: `home-${words}`, onclick: () => home(way) }, `Home towards ${way === "-" ? "−" : "+"}`);
+    return { flag, way, light, enabled, polarity, button, row: h("div", { class: "limit" }, light, h("div", {}, enabled.element, polarity), button) };
   };
-  const sides = [side("LIMIT NEGATIVE", "-", "Home towards −"), side("LIMIT POSITIVE", "+", "Home towards +")];
-  replace(root, h("h2", {}, "Limits and homing"), sides.map(({ row }) => row), trust);
-  context.attempt(() => api("GET", ofAxis(axis.name, "/settings"))).then((answer) => {
-    const value = (name) => answer?.rows.find((row) => row.name === name)?.value;
-    for (const { flag, counts } of sides) {
-      if (value(LIMIT_SETTINGS.all) === undefined) continue;
-      const enabled = Number(value(LIMIT_SETTINGS.all)) === 1 && Number(value(LIMIT_SETTINGS[flag])) === 1;
-      setText(counts, enabled ? "stops the motor" : `does not stop the motor (${LIMIT_SETTINGS.all} ${value(LIMIT_SETTINGS.all)}, ${LIMIT_SETTINGS[flag]} ${value(LIMIT_SETTINGS[flag])})`);
+  const sides = [side("LIMIT NEGATIVE", "-", "negative"), side("LIMIT POSITIVE", "+", "positive")];
+  const why = h("p", { class: "quiet", id: "no-homing" });
+  replace(root, h("h2", {}, "Limits and homing"), all.element, sides.map(({ row }) => row), why, problem, trust);
+
+  function show(rows) {
+    const value = (name) => rows.find((row) => row.name === name)?.value ?? null;
+    all.show(value("L"));
+    for (const { way, enabled, polarity, button } of sides) {
+      const stops = isOn(value("L")) && isOn(value(`L${way}`));
+      enabled.show(value(`L${way}`));
+      setText(polarity, `${isOn(value(`LP${way}`)) ? "active low" : "active high"} (LP${way}), ${stops ? "stops the motor" : "stops nothing now"}`);
+      button.disabled = !stops;
     }
-  });
-  return store.watch("focus", (now) => {
+    setText(why, sides.some(({ button }) => button.disabled) ? "Homing needs a limit that stops the motor." : "");
+  }
+
+  async function load() {
+    try {
+      show((await api("GET", ofAxis(axis.name, "/settings"))).rows);
+      setText(problem, "");
+    } catch (error) {
+      setText(problem, `Which limits count could not be read: ${error.message}`);
+    }
+  }
+
+  async function set(name, on) {
+    await context.attempt(() => api("PUT", ofAxis(axis.name, "/settings"), { set: { [name]: on } }));
+    await load();
+  }
+
+  let timer;
+  let rev;
+  const end = store.watch("focus", (now) => {
     for (const { flag, light } of sides) setClass(light, "on", now.flags?.[flag]);
     const trusted = Boolean(now.b & store.BIT.TRUSTED);
     setText(trust, now.b & store.BIT.HOMING ? "homing" : trusted ? "position trusted" : `position not trusted: ${now.doubt ?? "the drive has not been homed"}`);
     setClass(trust, "doubt", !trusted);
+    if (rev !== undefined && rev !== now.rev) {
+      clearTimeout(timer);
+      timer = setTimeout(load, SOON_MS);
+    }
+    ({ rev } = now);
   });
+  load();
+  return () => {
+    clearTimeout(timer);
+    end();
+  };
 }
+
+/** A switch for the setting that enables a limit. */
+function limitSwitch(name, words, set) {
+  let on = false;
+  const element = h("button", { type: "button", class: "switch", role: "switch", "aria-checked": "false", "data-setting": name, disabled: true,
+    onclick: () => set(name, !on) }, words, " ", h("code", {}, name));
+  return {
+    element,
+    /** Shows its value; null while that is not known. */
+    show(value) {
+      on = isOn(value);
+      element.disabled = value === null;
+      element.setAttribute("aria-checked", String(on));
+    },
+  };
+}
+
+const isOn = (value) => Number(value) === 1;
 
 /** The faults of the drive: which are latched, what they mean, and how they go away. */
 function mountFaults(root, context) {

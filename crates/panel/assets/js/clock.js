@@ -1,6 +1,6 @@
 // The time of a rig: read, paused, stepped, run until something holds, and how fast it passes.
 
-import { h, replace, setText } from "./dom.js";
+import { h, replace, setClass, setText } from "./dom.js";
 
 const SPEEDS = [["real", "▶ Real time"], ["x0.1", "x0.1"], ["x2", "x2"], ["x10", "x10"], ["x100", "x100"], ["x1000", "x1000"]];
 const TICK_MS = 50;
@@ -28,10 +28,11 @@ export function mountClock(root, context, act) {
   /** What the rig said last, and when. */
   let told = null;
   let at = 0;
+  let linked = false;
   let shownNs = 0;
   // The rig says what has changed, and time alone is no change: between its words time goes on here.
   const tick = () => {
-    if (!told) return;
+    if (!told || !linked) return;
     const passed = told.clock.mode === "paused" ? 0 : (performance.now() - at) * 1e6 * told.clock.speed_reached;
     const ns = told.now_ns + passed;
     // It never seems to go back for having been guessed a little too far.
@@ -40,6 +41,14 @@ export function mountClock(root, context, act) {
   };
   const ticking = setInterval(tick, TICK_MS);
   return {
+    /** Shows whether the rig can be heard: time that nobody tells does not go on. */
+    link(up) {
+      linked = up;
+      setClass(now, "doubtful", !up && told);
+      if (up) return;
+      setText(mode, "The server is not heard: what time it is there is not known.");
+      setText(reached, "");
+    },
     /** Shows what the rig says of its time. */
     update(rig) {
       told = rig;

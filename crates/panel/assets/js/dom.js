@@ -73,20 +73,24 @@ export function shown(value, decimals) {
 
 /** A time span for people. */
 export function span(ms) {
-  if (ms < 1000) return `${Math.round(ms)} ms`;
-  const seconds = ms / 1000;
-  if (seconds < 60) return `${seconds.toFixed(1)} s`;
-  const minutes = Math.floor(seconds / 60);
-  if (minutes < 60) return `${minutes} min ${Math.round(seconds % 60)} s`;
+  // Rounded first: 59.97 s are 1 min 0 s, not 60.0 s.
+  const tenths = Math.round(ms / 100);
+  if (tenths < 10) return `${Math.round(ms)} ms`;
+  if (tenths < 600) return `${(tenths / 10).toFixed(1)} s`;
+  const seconds = Math.round(ms / 1000);
+  if (seconds < 3600) return `${Math.floor(seconds / 60)} min ${seconds % 60} s`;
+  const minutes = Math.round(seconds / 60);
   return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
 }
 
-/** A switch between several views of a page, as tabs that the arrow keys go through. `entries` are `[key, label]`. */
-export function tabs(label, entries, selected, choose) {
+/** A switch between several views of a page, as tabs that the arrow keys go through. `entries` are `[key, label]`; `panel` is
+ * the element that shows what is selected. */
+export function tabs(label, entries, selected, choose, panel = null) {
+  if (panel) panel.id = "tab-panel";
   const list = h("div", { class: "tabs", role: "tablist", "aria-label": label });
   for (const [key, text] of entries) {
     list.append(h("button", {
-      type: "button", role: "tab", "data-key": key, "aria-selected": key === selected, tabIndex: key === selected ? 0 : -1,
+      type: "button", role: "tab", "data-key": key, "aria-selected": key === selected, "aria-controls": panel?.id, tabIndex: key === selected ? 0 : -1,
       onclick: () => choose(key),
     }, text));
   }

@@ -110,8 +110,9 @@ export function makeEditor(root, words, onChange) {
 
   /** Puts text in as if it had been typed, so that it can be undone. */
   function insert(text) {
-    area.focus();
-    if (!document.execCommand("insertText", false, text)) {
+    area.focus({ preventScroll: true });
+    const done = text ? document.execCommand("insertText", false, text) : document.execCommand("delete");
+    if (!done) {
       area.setRangeText(text, area.selectionStart, area.selectionEnd, "end");
       area.dispatchEvent(new Event("input"));
     }
@@ -129,10 +130,7 @@ export function makeEditor(root, words, onChange) {
         event.preventDefault();
         return take();
       }
-      if (event.key === "Escape") {
-        event.stopPropagation();
-        return hide();
-      }
+      if (event.key === "Escape") return hide();
     }
     if (event.key === " " && event.ctrlKey) {
       event.preventDefault();
@@ -161,6 +159,18 @@ export function makeEditor(root, words, onChange) {
       diagnostics = [];
       paint();
       onChange(value);
+    },
+    /** Puts a text in the place of all that stands there as if it had been typed: it can be undone. Who was elsewhere stays there. */
+    rewrite(value) {
+      if (area.value === value) return;
+      const before = document.activeElement;
+      area.focus({ preventScroll: true });
+      area.select();
+      insert(value);
+      hide();
+      if (before === area) return;
+      area.blur();
+      before?.focus({ preventScroll: true });
     },
     /** Shows what the checker says. */
     diagnose(found) {

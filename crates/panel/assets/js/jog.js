@@ -53,7 +53,7 @@ export function mountJog(root, context) {
     } catch (error) {
       if (hold === mine) {
         end(false);
-        context.notify("error", error.message);
+        context.notify("error", error.message, { about: error.action });
       }
     }
     clearTimeout(late);
@@ -109,7 +109,7 @@ export function mountJog(root, context) {
     h("div", { class: "jog-pad" }, button("-", "jog-back", "◀ −"), button("+", "jog-forward", "+ ▶")),
     h("div", { class: "speed-row" }, h("label", { for: "jog-speed" }, "Speed"), slider, text),
     h("p", { class: "quiet" }, "Hold a button, or ", h("kbd", {}, "←"), " ", h("kbd", {}, "→"), "; it brakes when you let go. ",
-      h("kbd", {}, "Space"), " always stops."));
+      h("kbd", {}, "Space"), " stops, but in a text; ", h("kbd", {}, "Esc"), " stops there too, once it has closed what is open."));
   return () => {
     end();
     removeEventListener("keydown", keydown);

@@ -1,7 +1,7 @@
 // The way to the server: requests, and streams of events.
 
 const TOKEN = "stepdrive-token";
-/** A stream of axes that is silent for so long is dead: the server says something at least every 500 ms. */
+/** A stream of axes that is silent for so long is dead: the server says something at least every 250 ms. */
 const SILENCE_MS = 2500;
 /** How long something urgent waits before streams make room for it. */
 const PATIENCE_MS = 300;
@@ -10,33 +10,48 @@ const ROOM_MS = 700;
 const FIRST_REST_MS = 250;
 const LONGEST_REST_MS = 2000;
 
-/** Why a request was not answered with what it asked for. */
+/** Why a request was not answered with what it asked for; `action` names the request. */
 export class ApiError extends Error {
   constructor(status, message, body = {}) {
     super(message);
     this.status = status;
     this.body = body;
+    this.action = null;
   }
 }
 
 let askForToken = async () => null;
-/** Says who asks a person for the token. */
+/** Says who asks a person for the token; it is told whether one was refused. */
 export function onTokenWanted(ask) {
   askForToken = ask;
 }
 
-let asking = null;
-async function newToken() {
-  asking ??= askForToken().finally(() => { asking = null; });
-  const token = await asking;
-  if (token) sessionStorage.setItem(TOKEN, token);
-  return Boolean(token);
+let succeeded = () => {};
+/** Says who is told the `action` of every request that succeeds. */
+export function onSuccess(tell) {
+  succeeded = tell;
 }
 
-function headers(extra = {}) {
-  const token = sessionStorage.getItem(TOKEN);
-  return token ? { ...extra, Authorization: `Bearer ${token}` } : extra;
+let refused = () => {};
+/** Says who is told that a stream is refused, by its path and why; and with null that it is so no longer. */
+export function onRefused(tell) {
+  refused = tell;
 }
+
+const token = () => sessionStorage.getItem(TOKEN);
+
+let asking = null;
+/** Gets another token than the one that was refused. Answers whether there is one. */
+async function newToken(old) {
+  // Another request was refused before, and has asked already.
+  if (token() !== old) return true;
+  asking ??= askForToken(old !== null).finally(() => { asking = null; });
+  const given = await asking;
+  if (given) sessionStorage.setItem(TOKEN, given);
+  return Boolean(given);
+}
+
+const headers = (extra = {}) => (token() ? { ...extra, Authorization: `Bearer ${token()}` } : extra);
 
 async function problem(response) {
   let body = {};
@@ -50,7 +65,28 @@ async function problem(response) {
 
 /** Makes a request. Answers the JSON of the reply, or throws an ApiError; status 0 means that there was no reply. */
 export async function api(method, path, body, options = {}) {
-  const send = () => fetch(path, {
+  let used = null;
+  const send = () => {
+    used = token();
+    return request(method, path, body, options);
+  };
+  // What is only looked at beforehand is not what was asked for.
+  const action = body?.dry_run ? null : `${method} ${path}`;
+  let text;
+  try {
+    let response = await send();
+    while (response.status === 401 && await newToken(used)) response = await send();
+    if (!response.ok) throw await problem(response);
+    text = await response.text();
+  } catch (error) {
+    throw Object.assign(error instanceof ApiError ? error : noReply(error), { action });
+  }
+  if (action) succeeded(action);
+  return text ? JSON.parse(text) : {};
+}
+
+function request(method, path, body, options) {
+  return fetch(path, {
     method,
     headers: headers(body === undefined ? {} : { "Content-Type": "application/json" }),
     body: body === undefined ? undefined : JSON.stringify(body),
@@ -58,24 +94,18 @@ export async function api(method, path, body, options = {}) {
     keepalive: options.keepalive ?? false,
     priority: options.urgent ? "high" : "auto",
   });
-  let response;
-  try {
-    response = await send();
-    if (response.status === 401 && await newToken()) response = await send();
-  } catch (error) {
-    const why = error.name === "TimeoutError" ? "it did not answer in time" : "it cannot be reached";
-    throw new ApiError(0, `no reply from the server: ${why}`);
-  }
-  if (!response.ok) throw await problem(response);
-  const text = await response.text();
-  return text ? JSON.parse(text) : {};
+}
+
+function noReply(error) {
+  const why = error.name === "TimeoutError" ? "it did not answer in time" : "it cannot be reached";
+  return new ApiError(0, `no reply from the server: ${why}`);
 }
 
 /** A request that must not wait: should it not have been answered soon, streams make room for it. */
-export async function urgently(method, path, body) {
+export async function urgently(method, path, body, timeout) {
   const room = setTimeout(makeRoom, PATIENCE_MS);
   try {
-    return await api(method, path, body, { urgent: true, keepalive: true });
+    return await api(method, path, body, { urgent: true, keepalive: true, timeout });
   } finally {
     clearTimeout(room);
   }
@@ -98,7 +128,7 @@ export async function has(path) {
 const streams = new Set();
 const tabs = new BroadcastChannel("stepdrive-panel");
 let asleep = false;
-let wake = () => {};
+const sleepers = new Set();
 
 function dropStreams() {
   for (const stream of streams) stream.drop();
@@ -110,7 +140,14 @@ function makeRoom() {
 }
 
 /** Comes when streams may begin again. */
-const mayGoOn = () => (asleep ? new Promise((done) => { wake = done; }) : new Promise((done) => setTimeout(done, ROOM_MS)));
+async function mayGoOn() {
+  do {
+    await new Promise((done) => {
+      if (asleep) sleepers.add(done);
+      else setTimeout(done, ROOM_MS);
+    });
+  } while (asleep);
+}
 
 tabs.addEventListener("message", ({ data }) => {
   if (data === "looked at" && document.hidden) asleep = true;
@@ -120,7 +157,8 @@ tabs.addEventListener("message", ({ data }) => {
 function lookedAt() {
   if (document.hidden) return;
   asleep = false;
-  wake();
+  for (const wake of sleepers) wake();
+  sleepers.clear();
   tabs.postMessage("looked at");
 }
 document.addEventListener("visibilitychange", lookedAt);
@@ -128,29 +166,55 @@ lookedAt();
 
 /** Follows a stream of server-sent events until `close()`. `handlers` are called by the name of the event with its data;
  * `onLink(true | false)` tells when the stream stands and when it is lost. It reconnects by itself. A stream that says less
- * often that it lives needs a longer `silence`. */
+ * often that it lives needs a longer `silence`. Its `heard` is when the server said something last. */
 export function follow(path, handlers, onLink = () => {}, silence = SILENCE_MS) {
   let closed = false;
   let dropped = false;
   let abort = new AbortController();
   let rest = FIRST_REST_MS;
-  const entry = { drop() { dropped = true; abort.abort(); } };
-  streams.add(entry);
+  const stream = {
+    heard: 0,
+    drop() {
+      dropped = true;
+      abort.abort();
+    },
+    close() {
+      closed = true;
+      streams.delete(stream);
+      abort.abort();
+      refused(path, null);
+    },
+  };
+  streams.add(stream);
+  const told = {
+    open() {
+      rest = FIRST_REST_MS;
+      refused(path, null);
+      onLink(true);
+    },
+    word() {
+      stream.heard = performance.now();
+    },
+  };
+  const wait = async () => {
+    // Who sleeps for long shows what has long ceased to be true.
+    if (asleep) onLink(false);
+    await mayGoOn();
+    dropped = false;
+  };
   const run = async () => {
     while (!closed) {
-      if (dropped) await mayGoOn();
+      if (dropped) await wait();
       if (closed) return;
-      dropped = false;
       abort = new AbortController();
+      const used = token();
       try {
-        await read(path, handlers, abort, silence, () => {
-          rest = FIRST_REST_MS;
-          onLink(true);
-        });
+        await read(path, handlers, abort, silence, told);
       } catch (error) {
         if (!closed && !dropped) onLink(false, error);
-        if (error.status === 401 && await newToken()) continue;
+        if (error.status === 401 && await newToken(used)) continue;
         if (error.status === 404 || error.status === 422) return;
+        if (error.status && !closed) refused(path, error);
       }
       if (closed) return;
       if (dropped) continue;
@@ -160,21 +224,16 @@ export function follow(path, handlers, onLink = () => {}, silence = SILENCE_MS) 
     }
   };
   run();
-  return {
-    close() {
-      closed = true;
-      streams.delete(entry);
-      abort.abort();
-    },
-  };
+  return stream;
 }
 
-async function read(path, handlers, abort, silence, onOpen) {
+async function read(path, handlers, abort, silence, told) {
   let timer = setTimeout(() => abort.abort(), silence);
   try {
     const response = await fetch(path, { headers: headers({ Accept: "text/event-stream" }), signal: abort.signal });
     if (!response.ok) throw await problem(response);
-    onOpen();
+    told.word();
+    told.open();
     const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
     let text = "";
     for (;;) {
@@ -182,6 +241,7 @@ async function read(path, handlers, abort, silence, onOpen) {
       if (done) return;
       clearTimeout(timer);
       timer = setTimeout(() => abort.abort(), silence);
+      told.word();
       text += value;
       const parts = text.split("\n\n");
       text = parts.pop();

@@ -1,6 +1,7 @@
 // The plot of position and speed: what came since the page was opened, up to an hour of it.
 
 import { h, replace, setText } from "./dom.js";
+import { roundValues } from "./mechanism.js";
 import * as store from "./store.js";
 
 /** Full rate for so long; for the rest a sample every COARSE_S. */
@@ -87,73 +88,117 @@ store.watch("link", (up) => {
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const clock = (_, times) => times.map((time) => new Date(time * 1000).toTimeString().slice(0, 8));
 
-/** The range of a scale: what is seen and a little more, and never so little that noise fills it. */
-const range = (least) => (_, low, high) => {
-  if (low === null || low === undefined) return [-least / 2, least / 2];
-  const missing = Math.max(0, least - (high - low)) / 2;
-  const margin = Math.max((high - low) * 0.06, least * 0.06);
-  return [low - missing - margin, high + missing + margin];
-};
+/* Position and speed have a band each, one above the other, so that neither line hides the other. */
+
+/** The part of the height that each has, from the top and from the bottom. */
+const BANDS = { p: { share: 0.62, top: true }, v: { share: 0.3, top: false } };
+/** A tick with its number wants so much. */
+const TICK_PX = 34;
+/** How wide the numbers beside the plot are. */
+const AXIS_PX = 64;
+
+/** How a scale is laid into its band: what is seen and a little more, and never so little that noise fills it. */
+function makeBand({ share, top }, least, withZero) {
+  let ends = [-least / 2, least / 2];
+  return {
+    range(_, seenLow, seenHigh) {
+      if (seenLow !== null && seenLow !== undefined) {
+        const [low, high] = withZero ? [Math.min(0, seenLow), Math.max(0, seenHigh)] : [seenLow, seenHigh];
+        const missing = Math.max(0, least - (high - low)) / 2;
+        const margin = Math.max((high - low) * 0.06, least * 0.06);
+        ends = [low - missing - margin, high + missing + margin];
+      }
+      const height = (ends[1] - ends[0]) / share;
+      return top ? [ends[1] - height, ends[1]] : [ends[0], ends[0] + height];
+    },
+    ticks: () => roundValues(...ends, Math.max(1, (HEIGHT_PX * share) / TICK_PX)),
+  };
+}
 
 /** Shows the plot of `context.axis` in `root`. */
 export function mountPlot(root, context) {
   const { axis } = context;
   let seconds = 60;
-  /** What is looked at while it is paused. */
+  /** What is looked at while it is paused, and whether that is for a zoom. */
   let frozen = null;
+  let zoomed = false;
   let plot = null;
   const place = h("div", { class: "plot zoomable", role: "img", "aria-label": `Position and speed of ${axis.name} over time` });
-  const choice = h("select", { id: "plot-window", "aria-label": "Time that is shown", onchange: () => { seconds = Number(choice.value); draw(true); } },
+  const choice = h("select", { id: "plot-window", "aria-label": "Time that is shown", onchange: () => { seconds = Number(choice.value); reset(); } },
     WINDOWS.map(([value, label]) => h("option", { value: String(value), selected: value === seconds }, label)));
   const pause = h("button", { type: "button", id: "plot-pause", class: "small", "aria-pressed": "false", onclick: () => freeze(frozen === null) }, "Pause");
+  const whole = h("button", { type: "button", id: "plot-reset", class: "small", hidden: true, onclick: () => reset() }, "Reset zoom");
+  const legend = makeLegend(axis);
   const history = () => frozen ?? histories.get(axis.name) ?? new History();
 
   function freeze(on) {
     frozen = on ? history().copy() : null;
     pause.setAttribute("aria-pressed", String(on));
-    setText(pause, on ? "Go on" : "Pause");
-    if (on) plot.setData(history().columns(seconds), false);
-    else draw(true);
+    setText(pause, on ? "Resume" : "Pause");
+    if (on) return plot.setData(history().columns(seconds), false);
+    return reset();
+  }
+
+  /** Shows all of the time that is chosen. */
+  function reset() {
+    zoomed = false;
+    whole.hidden = true;
+    draw(true);
+  }
+
+  /** What is zoomed into must not run away. */
+  function zoom(drawn) {
+    if (drawn.select.width <= 4) return;
+    if (frozen === null) freeze(true);
+    zoomed = true;
+    whole.hidden = false;
   }
 
   replace(root,
     h("div", { class: "row spread" }, h("h2", {}, "Plot"),
-      h("div", { class: "row" }, h("small", { class: "wide-only" }, "Drag to zoom, double-click for all."), choice, pause,
+      h("div", { class: "row" }, h("small", { class: "wide-only" }, "Drag to zoom."), whole, choice, pause,
         h("button", { type: "button", id: "plot-csv", class: "small", onclick: save }, "Export CSV"))),
-    place);
+    legend.element, place);
 
   function make() {
     plot?.destroy();
-    const line = (label, unit, scale, stroke) => ({ label, scale, stroke, width: 1.6, points: { show: false },
-      value: (_, value) => (value === null || value === undefined ? "–" : `${value.toFixed(store.decimals(axis))} ${unit}`) });
-    const grid = { stroke: colour("--plot-grid"), width: 1 };
-    const along = (scale, stroke, side, show) => ({ scale, stroke, side, size: 64, grid: show ? grid : { show: false }, ticks: grid });
     const step = 1 / Math.abs(axis.steps_per_unit || 1);
+    const bands = { p: makeBand(BANDS.p, 10 * step, false), v: makeBand(BANDS.v, 20 * step, true) };
+    const grid = { stroke: colour("--plot-grid"), width: 1 };
+    const along = (scale, stroke) => ({ scale, stroke, side: 3, size: AXIS_PX, grid, ticks: { show: false }, splits: bands[scale].ticks, values: (_, values) => values.map(String) });
+    const line = (scale, stroke) => ({ scale, stroke, width: 1.6, points: { show: false } });
     plot = new uPlot({
-      width: Math.max(200, place.clientWidth), height: HEIGHT_PX,
-      cursor: { drag: { x: true, y: false, setScale: true } },
-      scales: { x: { time: true }, p: { range: range(10 * step) }, v: { range: range(20 * step) } },
+      width: Math.max(200, place.clientWidth), height: HEIGHT_PX, legend: { show: false },
+      cursor: { drag: { x: true, y: false, setScale: true }, bind: { dblclick: () => () => { reset(); return null; } } },
+      scales: { x: { time: true }, p: { range: bands.p.range }, v: { range: bands.v.range } },
       axes: [
-        { stroke: colour("--plot-axis"), grid, ticks: grid, values: clock, space: 80 },
-        along("p", colour("--plot-position"), 3, true),
-        along("v", colour("--plot-speed"), 1, false),
+        { stroke: colour("--plot-axis"), grid, ticks: grid, values: clock, space: 80, size: 34 },
+        along("p", colour("--plot-position")),
+        // In the same place as that of the position: each has its numbers in its band.
+        { ...along("v", colour("--plot-speed")), size: 0, gap: 5 - AXIS_PX },
       ],
-      series: [{ label: "time", value: (_, time) => (time === null || time === undefined ? "–" : clock(_, [time])[0]) },
-        line("position", axis.unit, "p", colour("--plot-position")), line("speed", `${axis.unit}/s`, "v", colour("--plot-speed"))],
-      // Before the zoom itself: what is zoomed into must not run away.
-      hooks: { setSelect: [(drawn) => { if (drawn.select.width > 4 && frozen === null) freeze(true); }] },
+      series: [{}, line("p", colour("--plot-position")), line("v", colour("--plot-speed"))],
+      hooks: { setSelect: [zoom], setCursor: [tell] },
     }, history().columns(seconds), place);
     draw(true);
   }
 
+  /** Tells the values at the cursor, or else the last. */
+  function tell() {
+    const columns = plot.data;
+    const row = plot.cursor.idx ?? columns[0].length - 1;
+    legend.show(columns[0][row], columns[1][row], columns[2][row]);
+  }
+
   function draw(again = false) {
-    if (!plot || (frozen && !again)) return;
+    if (!plot || ((frozen || zoomed) && !again)) return;
     const columns = history().columns(seconds);
     plot.batch(() => {
       plot.setData(columns, false);
       const last = columns[0].at(-1) ?? Date.now() / 1000;
       plot.setScale("x", { min: last - seconds, max: last });
     });
+    tell();
   }
 
   /** Gives what is kept as a file: full rate for the last two minutes, then coarser. */
@@ -186,5 +231,25 @@ export function mountPlot(root, context) {
     document.removeEventListener("theme", themed);
     scheme.removeEventListener("change", themed);
     plot?.destroy();
+  };
+}
+
+/** The names of both lines with their values. */
+function makeLegend(axis) {
+  const time = h("span", { class: "number quiet wide-only" });
+  const entry = (name, kind) => {
+    const value = h("span", { class: "number" });
+    return [h("span", { class: `entry ${kind}` }, h("i", { "aria-hidden": "true" }), `${name} `, value), value];
+  };
+  const [positionEntry, position] = entry("position", "position");
+  const [speedEntry, speed] = entry("speed", "speed");
+  const known = (value) => value !== null && value !== undefined;
+  return {
+    element: h("div", { class: "legend" }, positionEntry, speedEntry, time),
+    show(at, p, v) {
+      setText(position, known(p) ? store.placeText(axis, p) : "–");
+      setText(speed, known(v) ? store.speedText(axis, v) : "–");
+      setText(time, known(at) ? clock(null, [at])[0] : "");
+    },
   };
 }

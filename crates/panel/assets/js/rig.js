@@ -8,11 +8,22 @@ import { mountClock } from "./clock.js";
 /** The rig says only every 15 s that it lives. */
 const SILENCE_MS = 20_000;
 const LONGEST_MS = 60_000;
-/** Settings to begin with, of faults that take a time or a chance. */
-const PRESETS = {
-  "reply-delay": ["20ms 5ms", "200ms", "2s"], "reply-drop": ["10%", "50%", "always"], "reply-pieces": ["3", "8 5ms"],
-  "reply-duplicate": ["10%", "50%", "always"], "reply-damage": ["10%", "50%", "always"], "reply-id": ["10%", "50%", "always"],
-  exception: ["04 30%", "04", "06"],
+/** What faults are called. */
+const TITLES = {
+  rotor: "Rotor", motor: "Motor", temperature: "Temperature", thermocouple: "Thermocouple", flash: "Flash", connection: "Connections",
+  "reply-delay": "Late replies", "reply-drop": "Lost replies", "reply-pieces": "Replies in pieces", "reply-duplicate": "Bytes that come twice",
+  "reply-damage": "Damaged replies", "reply-id": "Wrong identifiers", exception: "Exceptions",
+};
+/** What is asked for of a fault that takes numbers, with its unit, and how the rig reads that. */
+const CHANCE = { parts: [{ label: "of all replies", value: "10", unit: "%" }], setting: ([chance]) => `${chance}%` };
+const FORMS = {
+  "reply-delay": { parts: [{ label: "late by", value: "20", unit: "ms" }, { label: "±", value: "5", unit: "ms" }], setting: ([time, jitter]) => `${time}ms ${jitter}ms` },
+  "reply-pieces": { parts: [{ label: "in", value: "3", unit: "pieces" }, { label: "gap", value: "5", unit: "ms" }], setting: ([pieces, gap]) => `${pieces} ${gap}ms` },
+  "reply-drop": CHANCE, "reply-duplicate": CHANCE, "reply-damage": CHANCE, "reply-id": CHANCE,
+  exception: {
+    parts: [{ label: "code", choices: [["04", "04, device failure"], ["06", "06, device busy"]] }, { label: "of all requests", value: "30", unit: "%" }],
+    setting: ([code, chance]) => `${code} ${chance}%`,
+  },
 };
 const OF_THE_LINE = /^(connection|reply-|exception)/;
 /** The drive that was looked at last; it stays chosen while the page is open. */
@@ -29,16 +40,18 @@ export function mountRig(root, context) {
   const place = { clock: section("Time"), signals: section("Inputs"), faults: section("Faults"), wires: section("Wires") };
   const choice = h("select", { id: "rig-drive", "aria-label": "Drive", onchange: () => choose(choice.value) });
   const one = () => rig?.drives.find((drive) => drive.name === chosen) ?? null;
-  const power = h("button", { type: "button", id: "power", "aria-pressed": "true", onclick: () => {
+  const power = h("button", { type: "button", class: "switch", id: "power", role: "switch", "aria-label": "Supply", "aria-checked": "true", onclick: () => {
     const drive = one();
     if (drive) act("PUT", drivePath(drive.name, "power"), { on: !drive.powered });
   } }, "Supply on");
   const words = h("span", { role: "status" });
   const numbers = h("span", { class: "number quiet" });
   const link = h("a", {});
+  const missing = h("p", { class: "error", id: "rig-missing", role: "status" });
   replace(root, h("div", { class: "bar" }, h("h1", {}, "Rig"), choice, power, words, numbers, link),
+    missing,
     h("div", { class: "rig-page" },
-      h("div", { class: "column" }, place.clock, place.wires), place.signals, place.faults));
+      h("div", { class: "column" }, place.clock, place.signals, place.wires), place.faults));
   const clock = mountClock(place.clock, context, act);
   const signals = mountSignals(place.signals, act);
   const faults = mountFaults(place.faults, act);
@@ -53,7 +66,16 @@ export function mountRig(root, context) {
     rig = null;
     signals.choose(name);
     faults.choose(name);
-    stream = follow(`/v1/events?drive=${encodeURIComponent(name)}&every=100ms`, { state: (event) => { rig = event; update(); } }, () => {}, SILENCE_MS);
+    stream = follow(`/v1/events?drive=${encodeURIComponent(name)}&every=100ms`, { state: (event) => { rig = event; update(); } }, heard, SILENCE_MS);
+  }
+
+  /** Shows whether the rig is heard, and why not. */
+  function heard(up, error) {
+    if (up) setText(missing, "");
+    else if (error?.status) setText(missing, `What the rig does cannot be followed: ${error.message}`);
+    else if (!missing.textContent) setText(missing, "The server is not heard; this is what the rig said last.");
+    setClass(root, "stale", !up);
+    clock.link(up);
   }
 
   const offer = () => {
@@ -71,7 +93,7 @@ export function mountRig(root, context) {
     setText(words, drive.stalled ? `${drive.state}, stalled` : drive.state);
     setText(numbers, `carriage at ${shown(drive.carriage, 2)} full steps, ${shown(drive.speed, 1)} full steps/s`);
     setText(power, drive.powered ? "Supply on" : "Supply off");
-    power.setAttribute("aria-pressed", String(drive.powered));
+    power.setAttribute("aria-checked", String(drive.powered));
     signals.update(drive);
     faults.update(drive);
   }
@@ -82,6 +104,7 @@ export function mountRig(root, context) {
     end();
     stream?.close();
     clock.leave();
+    setClass(root, "stale", false);
   };
 }
 
@@ -149,16 +172,15 @@ function mountFaults(root, act) {
 
   function make(fault) {
     const put = (to) => act("PUT", drivePath(drive, `faults/${encodeURIComponent(fault.name)}`), { setting: to });
-    const presets = PRESETS[fault.name];
-    const settings = ["off", ...presets ?? fault.settings.split("|").map((setting) => setting.trim())];
-    const chips = settings.map((setting) => h("button", { type: "button", class: "chip", "data-setting": setting, "aria-pressed": setting === fault.setting, onclick: () => put(setting) }, setting));
-    const other = h("input", { type: "text", size: 16, autocomplete: "off", placeholder: fault.settings, title: fault.settings, "aria-label": `Another setting of ${fault.name}: ${fault.settings}` });
-    const form = h("form", { class: "row", onsubmit: (event) => { event.preventDefault(); put(other.value.trim()); } },
-      other, h("button", { class: "small" }, "Set"));
-    const now = h("span", { class: "now mono", role: "status" }, fault.setting);
+    const form = FORMS[fault.name];
+    const settings = form ? ["off"] : ["off", ...fault.settings.split("|").map((setting) => setting.trim())];
+    const chips = settings.map((setting) => h("button", { type: "button", class: "chip", "data-setting": setting, onclick: () => put(setting) }, setting.replace("-", " ")));
+    const now = h("span", { class: "now mono", role: "status" });
+    const title = TITLES[fault.name] ?? `Switch at ${fault.name}`;
     const element = h("div", { class: "fault", role: "group", "aria-label": `Fault ${fault.name}`, "data-fault": fault.name },
-      h("div", { class: "row" }, h("strong", { class: "mono" }, fault.name), now),
-      h("p", { class: "quiet" }, fault.about), h("div", { class: "chips" }, chips), presets ? form : null);
+      h("div", { class: "row" }, h("strong", {}, title), h("code", { class: "quiet" }, fault.name), h("span", { class: "grow" }), now),
+      h("p", { class: "quiet" }, `${fault.about[0].toUpperCase()}${fault.about.slice(1)}.`),
+      form ? makeForm(fault, form, chips, put) : h("div", { class: "chips" }, chips));
     const show = (setting) => {
       setText(now, setting);
       setClass(element, "on", setting !== "off");
@@ -185,6 +207,21 @@ function mountFaults(root, act) {
       for (const [name, show] of rows) show(now.faults[name] ?? "off");
     },
   };
+}
+
+/** Labelled fields for what a fault is to be, with their units. */
+function makeForm(fault, { parts, setting }, chips, put) {
+  const fields = parts.map((part, at) => {
+    const id = `${fault.name}-${at}`;
+    const field = part.choices
+      ? h("select", { id }, part.choices.map(([value, label]) => h("option", { value }, label)))
+      : h("input", { id, type: "text", inputMode: "decimal", autocomplete: "off", size: 4, value: part.value });
+    return { field, row: h("span", { class: "part-of" }, h("label", { for: id }, part.label), field, part.unit ? h("small", {}, part.unit) : null) };
+  });
+  return h("form", { class: "row", onsubmit: (event) => {
+    event.preventDefault();
+    put(setting(fields.map(({ field }) => field.value.trim())));
+  } }, chips, fields.map(({ row }) => row), h("button", { class: "small", "aria-label": `Set ${fault.name}` }, "Set"));
 }
 
 /** The wires between the drives of the rig. */

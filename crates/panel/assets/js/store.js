@@ -1,6 +1,6 @@
 // What is known of the axes, from the stream of events. One stream serves the whole page.
 
-import { shown } from "./dom.js";
+import { shown, span } from "./dom.js";
 import { follow } from "./net.js";
 
 /** Bits of a state. */
@@ -16,8 +16,15 @@ export const states = new Map();
 /** Whether the stream stands. */
 export let linked = null;
 
+/** After so long without a word from the server, what is shown is not live. */
+const QUIET_MS = 1000;
+
 let stream = null;
 let focused = null;
+/** When the streams before this one heard something last. */
+let heard = 0;
+/** The places of the axes, by their names. */
+let places = new Map();
 const watchers = { states: new Set(), focus: new Set(), axes: new Set(), link: new Set(), notice: new Set() };
 
 /** Calls `tell` when something of this kind has come: "states" and "focus" (at most once a frame), "axes", "link",
@@ -57,11 +64,21 @@ export function focus(name) {
   open(name === null ? "" : `?focus=${encodeURIComponent(name)}`);
 }
 
+const lastWord = () => Math.max(heard, stream?.heard ?? 0);
+
+/** For how long the server has said nothing, in ms. */
+export const silence = () => performance.now() - lastWord();
+
+/** Whether what is shown is what is. */
+export const isLive = () => linked === true && silence() < QUIET_MS;
+
 function open(query) {
+  heard = lastWord();
   stream?.close();
   stream = follow(`/v1/axes/events${query}`, {
     axes: (event) => {
       axes = event.axes;
+      places = new Map(axes.map((axis, place) => [axis.name, place]));
       states.clear();
       for (const tell of watchers.axes) tell(axes);
     },
@@ -89,10 +106,10 @@ function open(query) {
 }
 
 /** The axis of this name, or undefined. */
-export const axisNamed = (name) => axes.find((axis) => axis.name === name);
+export const axisNamed = (name) => axes[places.get(name)];
 
 /** The state of an axis, or undefined while nothing has come. */
-export const stateOf = (axis) => states.get(axes.indexOf(axis));
+export const stateOf = (axis) => states.get(places.get(axis.name));
 
 /** How many decimals a position of this axis has: those that 1/16 of a full step asks for, and always as many, so that
  * numbers that change stand still. */
@@ -103,12 +120,15 @@ export const placeText = (axis, value) => `${shown(value, decimals(axis))} ${axi
 export const speedText = (axis, value) => `${shown(value, decimals(axis))} ${axis.unit}/s`;
 
 /** How old the last reading of a lost axis is, in ms. */
-export const ageOf = (state) => (state.a ?? 0) + (performance.now() - state.at);
+const ageOf = (state) => state.a + (performance.now() - state.at);
+
+/** When a lost axis was read last, in words. */
+export const lastSeen = (state) => (state.a === undefined ? "never answered" : `last seen ${span(ageOf(state))} ago`);
 
 /** What an axis does, in a word or two, and of which kind that is: "lost", "fault", "moving", "rest", "off", "unread". */
 export function words(state) {
+  if (state && state.b & BIT.LOST) return ["lost", "lost"];
   if (!state || state.b & BIT.UNREAD) return ["not read yet", "unread"];
-  if (state.b & BIT.LOST) return ["lost", "lost"];
   if (state.b & BIT.FAULT) return [state.e?.length ? state.e.join(", ") : "fault", "fault"];
   if (state.b & BIT.HOMING) return ["homing", "moving"];
   if (state.b & BIT.JOGGING) return ["jogging", "moving"];

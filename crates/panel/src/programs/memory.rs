@@ -2,14 +2,19 @@
 
 use super::{Formatted, Program, Text};
 use crate::api::{Nothing, ThePanel, find, problem};
+use crate::member::Member;
 use crate::motion::to_the_end;
+use crate::stopping;
 use axum::extract::State;
 use serde::Serialize;
+use std::sync::Arc;
 use stepdrive_asm::{Image, disassemble};
 use stepdrive_host::Error;
+use stepdrive_host::axis::Stop;
 use stepdrive_host::smsd::Smsd;
 use stepdrive_spec::smsd::instructions::{Instruction, PROGRAM_AREAS};
 use stepdrive_web::{Asked, Named, Problem, Reply};
+use tokio::time::Instant;
 
 #[derive(Debug, Serialize)]
 pub(crate) struct Stored {
@@ -116,16 +121,27 @@ pub(crate) async fn start(
     let area = areas().find(|area| area.to_string() == mem);
     let area =
         area.ok_or_else(|| Problem::impossible("there is no such memory; they are numbered 0 to 3"))?;
+    // A stop counts from here on, however long it takes to begin.
+    let stops = member.stops();
     to_the_end(async move {
-        let client = member.smsd()?;
         member.check_idle()?;
         member.doing().aim = None;
-        member.note_departure();
-        member.work(client.start_program(area)).await?;
+        begin(&member, area, stops).await?;
         member.nudge.notify_one();
         Ok(Reply(Nothing {}))
     })
     .await
+}
+
+/// Starts a program, unless the member is told to stop more often than `stops` times: a stop that comes meanwhile wins.
+async fn begin(member: &Arc<Member>, area: u8, stops: u32) -> Result<(), Error> {
+    let begun = member.work(member.depart(stops, member.smsd()?.start_program(area))).await;
+    if member.stops() == stops {
+        return begun;
+    }
+    // It may have come to the controller before the start did. It is told until it gets through, however long that takes.
+    let _ = stopping::tell(member, Stop::Soft).by(Instant::now() + stopping::PATIENCE).await;
+    Err(Error::Refused(format!("{} was told to stop while its program was being started", member.name())))
 }
 
 /// Stops the program that runs; the motor goes on as it was.

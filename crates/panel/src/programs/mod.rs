@@ -40,6 +40,8 @@ struct Memory {
     size: usize,
     /// The line of the text that each instruction comes from.
     lines: Vec<usize>,
+    /// The instructions as the controller has them: two texts are the same program if these are the same.
+    words: Vec<u32>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -101,8 +103,9 @@ impl Program {
     fn memories(&self) -> Vec<Memory> {
         let Some(image) = &self.assembly.image else { return Vec::new() };
         let memory = |mem: usize| {
-            let size = image.area(mem).len();
-            Memory { mem, size, lines: (0..size).map(|line| self.line_of(mem, line).unwrap_or(0)).collect() }
+            let words = image.area(mem).to_vec();
+            let lines = (0..words.len()).map(|line| self.line_of(mem, line).unwrap_or(0)).collect();
+            Memory { mem, size: words.len(), lines, words }
         };
         (0..PROGRAM_AREAS).map(memory).filter(|memory| memory.size > 0).collect()
     }

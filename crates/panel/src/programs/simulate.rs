@@ -5,8 +5,9 @@ use crate::Shared;
 use crate::api::{ThePanel, find};
 use axum::extract::State;
 use axum::http::StatusCode;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt;
 use std::time::Duration;
 use stepdrive_asm::bare;
 use stepdrive_rig::duration;
@@ -40,9 +41,54 @@ pub(crate) struct Simulate {
     mem: u8,
     r#for: Option<String>,
     #[serde(default)]
-    inputs: BTreeMap<String, String>,
+    inputs: Inputs,
     /// The axis whose controller and mechanics it is tried out on.
     axis: Option<String>,
+}
+
+/// What comes to which input, in the order in which it is given: what names an input twice is noticed.
+#[derive(Debug, Default)]
+struct Inputs(Vec<(String, String)>);
+
+impl<'de> Deserialize<'de> for Inputs {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Inputs, D::Error> {
+        deserializer.deserialize_map(InputsVisitor)
+    }
+}
+
+struct InputsVisitor;
+
+impl<'de> Visitor<'de> for InputsVisitor {
+    type Value = Inputs;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("inputs, each with what comes to it, as in {\"IN0\": \"at:2s\"}")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Inputs, A::Error> {
+        let mut inputs = Vec::new();
+        while let Some(input) = map.next_entry()? {
+            inputs.push(input);
+        }
+        Ok(Inputs(inputs))
+    }
+}
+
+impl Inputs {
+    fn signals(&self) -> Result<Vec<Signal>, String> {
+        let mut all: Vec<Signal> = Vec::new();
+        for (name, times) in &self.0 {
+            let mine = signals(name, times, duration::parse)?;
+            if let Some(again) = mine.iter().find(|signal| all.iter().any(|one| one.input == signal.input)) {
+                let name = again.input.name();
+                return Err(format!(
+                    "{name} is given twice; put its times together, as in {name}=at:1s..2s,at:5s"
+                ));
+            }
+            all.extend(mine);
+        }
+        Ok(all)
+    }
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -51,9 +97,12 @@ pub(crate) struct Simulated {
     /// More happened than is told.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     cut: bool,
-    /// Seconds, microsteps, full steps a second.
+    /// Seconds, microsteps, full steps a second, negative backward.
     curve: Vec<[f64; 3]>,
     end: String,
+    /// The line of the text where it was then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    end_line: Option<usize>,
 }
 
 /// An instruction that ran, and the drive right after it.
@@ -65,6 +114,7 @@ struct StepRow {
     source_line: Option<usize>,
     text: String,
     position: i32,
+    /// Full steps a second, negative backward.
     speed: f64,
     relay: bool,
     inputs: Vec<&'static str>,
@@ -103,13 +153,10 @@ impl Trial {
             let longest = duration::display(LONGEST);
             return Err(Problem::impossible(format!("a program is tried out for {longest} at most")));
         }
-        let mut all = Vec::new();
-        for (name, times) in &asked.inputs {
-            all.extend(signals(name, times, duration::parse).map_err(Problem::impossible)?);
-        }
+        let signals = asked.inputs.signals().map_err(Problem::impossible)?;
         let program = Program::new(asked.text, Some(smsd.model));
         program.image()?;
-        Ok(Trial { program, drive, smsd, mem: asked.mem, time, signals: all })
+        Ok(Trial { program, drive, smsd, mem: asked.mem, time, signals })
     }
 
     fn run(&self) -> Result<Simulated, Problem> {
@@ -137,7 +184,10 @@ impl Trial {
                 }
                 What::Instruction(..) => simulated.cut = true,
                 What::Change => {}
-                What::End(end) => simulated.end = told(&end),
+                What::End(end) => {
+                    simulated.end = told(&end);
+                    simulated.end_line = self.end_line(&end);
+                }
             }
             if Instant::now() >= latest {
                 let seconds = seconds(at);
@@ -158,10 +208,18 @@ impl Trial {
             source_line: self.program.line_of(mem.into(), line.into()),
             text: Instruction::from_word(word).map_or_else(|_| format!(".word {word:#010X}"), bare),
             position: state.position,
-            speed: state.speed,
+            speed: velocity(state),
             relay: state.relay,
             inputs: names(state.inputs),
         }
+    }
+
+    fn end_line(&self, end: &End) -> Option<usize> {
+        let place = match end {
+            End::Refused(refusal) => refusal.place?,
+            End::Ended(place) | End::Waiting(place, _) | End::TimeOver(place) => *place,
+        };
+        self.program.line_of(place.area.into(), place.line.into())
     }
 
     /// Where the motor is, and how fast, at equal distances of time.
@@ -180,7 +238,7 @@ impl Trial {
             // What happens up to then is told by the steps.
             simulation.by_ref().for_each(drop);
             let moment = Moment::of(simulation.machine(), at);
-            points.push([seconds(at), moment.position.into(), moment.speed]);
+            points.push([seconds(at), moment.position.into(), velocity(&moment)]);
             if at >= end || Instant::now() >= latest {
                 break;
             }
@@ -214,6 +272,11 @@ fn usual() -> Result<(DriveSection, SmsdSection), Problem> {
 
 fn seconds(at: SimTime) -> f64 {
     at.as_nanos() as f64 / 1e9
+}
+
+/// The speed with the sign of its direction.
+fn velocity(state: &Moment) -> f64 {
+    if state.status.forward { state.speed } else { 0.0 - state.speed }
 }
 
 fn names(bits: u8) -> Vec<&'static str> {

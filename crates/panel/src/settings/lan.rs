@@ -106,7 +106,8 @@ impl Parameter {
         let value = self.text(lan)?;
         let is_number = info.count == 1;
         let is_standard = lan.id.is_none();
-        let default = if self == Parameter::Port && is_standard { STANDARD_PORT.into() } else { info.default };
+        let default =
+            if self == Parameter::Port && is_standard { STANDARD_PORT.into() } else { info.default };
         let as_json = |text: String| match text.parse::<i64>().ok().filter(|_| is_number) {
             Some(number) => number.into(),
             None => Value::String(text),

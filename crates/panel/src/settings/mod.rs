@@ -74,8 +74,12 @@ impl Found {
     }
 
     fn value(&self, key: Key) -> Option<f64> {
-        self.settings.iter().find(|(other, _)| *other == key).map(|(_, value)| *value)
+        value_in(&self.settings, key)
     }
+}
+
+fn value_in(settings: &[Setting], key: Key) -> Option<f64> {
+    settings.iter().find(|(other, _)| *other == key).map(|(_, value)| *value)
 }
 
 /// A number for JSON: a whole one without a fraction.
@@ -92,7 +96,8 @@ pub(crate) async fn get(State(panel): ThePanel, Named(name): Named<String>) -> R
         let found = Found::read(client).await?;
         let standing = client.standing().await?;
         let keys = Key::all(client.family()).into_iter();
-        let mut rows: Vec<Row> = keys.map(|key| Row::of(key, &found, standing)).collect();
+        let stored = member.stored();
+        let mut rows: Vec<Row> = keys.map(|key| Row::of(key, &found, stored.as_deref(), standing)).collect();
         rows.extend(
             found.lan.iter().flat_map(|lan| Parameter::ALL.into_iter().filter_map(|one| one.row(lan))),
         );
@@ -190,7 +195,10 @@ pub(crate) async fn put(
     wanted.is_right()?;
     to_the_end(async move {
         member.check_idle()?;
-        member.work(apply(&member, &wanted, &found)).await.map(Reply)
+        let applied = member.work(apply(&member, &wanted, &found)).await;
+        // Also what failed may have changed some.
+        member.revise();
+        applied.map(Reply)
     })
     .await
 }
@@ -210,7 +218,6 @@ async fn apply(member: &Arc<Member>, wanted: &Wanted, found: &Found) -> Result<A
         done: format!("{} settings were sent, but could not be read back", changes.len() + wanted.lan.len()),
         cause: Box::new(cause),
     })?;
-    member.nudge.notify_one();
     Ok(told(wanted, &changes, found, &after))
 }
 
@@ -259,10 +266,19 @@ pub(crate) async fn store(
 ) -> Result<Reply<Nothing>, Problem> {
     let member = find(&panel, &name)?;
     to_the_end(async move {
-        member.work(member.smd3()?.store()).await?;
+        let client = member.smd3()?;
+        member.note_stored(None);
+        member.work(client.store()).await?;
+        note_stored(&member).await;
         Ok(Reply(Nothing {}))
     })
     .await
+}
+
+/// An SMD3 has its settings now as it keeps them. Where they cannot be read nobody knows what it keeps.
+async fn note_stored(member: &Member) {
+    member.note_stored(member.work(member.client().read_settings()).await.ok());
+    member.revise();
 }
 
 /// Has an SMD3 load what it has stored.
@@ -274,8 +290,9 @@ pub(crate) async fn load(
     to_the_end(async move {
         let client = member.smd3()?;
         member.check_idle()?;
+        member.note_stored(None);
         member.work(client.load()).await?;
-        member.nudge.notify_one();
+        note_stored(&member).await;
         Ok(Reply(Nothing {}))
     })
     .await
@@ -289,7 +306,7 @@ pub(crate) async fn apply_lan(
     let member = find(&panel, &name)?;
     to_the_end(async move {
         member.work(member.smsd()?.trigger(Reg::ApplyNetworkConfiguration)).await?;
-        member.nudge.notify_one();
+        member.revise();
         Ok(Reply(Nothing {}))
     })
     .await

@@ -1,9 +1,9 @@
 //! A setting as it is shown.
 
-use super::{Found, number};
+use super::{Found, number, value_in};
 use serde::Serialize;
 use serde_json::Value;
-use stepdrive_host::settings::{Key, Standing, resolution};
+use stepdrive_host::settings::{Key, Setting, Standing, resolution};
 
 /// A setting, with all that is known of it.
 #[derive(Debug, Serialize)]
@@ -21,7 +21,7 @@ pub(super) struct Row {
     /// Whether it is what the controller makes of its default, where both are known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) at_default: Option<bool>,
-    /// What survives power-off, where that is known to differ.
+    /// What survives power-off, as it was stored or loaded from here last; `null` where nobody has yet.
     pub(super) stored: Value,
     /// `null` where the line does not tell it.
     pub(super) value: Value,
@@ -43,12 +43,13 @@ pub(super) struct Choice {
 }
 
 impl Row {
-    pub(super) fn of(key: Key, found: &Found, standing: Standing) -> Row {
+    pub(super) fn of(key: Key, found: &Found, stored: Option<&[Setting]>, standing: Standing) -> Row {
         let (min, max) = key.range(found.model);
         let choices = key.choices(found.model).into_iter();
         let choices: Vec<Choice> =
             choices.map(|(value, name)| Choice { value: number(value), name }).collect();
         let obstacle = standing.forbids(key);
+        let stored = stored.filter(|_| !key.is_volatile()).and_then(|stored| value_in(stored, key));
         let (value, resolution) = (found.value(key), resolution(&[], &found.settings));
         Row {
             name: key.name(),
@@ -61,7 +62,7 @@ impl Row {
             choices: if key.is_switch() { Vec::new() } else { choices },
             default: number(key.default()),
             at_default: value.map(|value| key.is_as_wanted(key.default(), value, resolution)),
-            stored: Value::Null,
+            stored: stored.map_or(Value::Null, number),
             value: value.map_or(Value::Null, number),
             writable: obstacle.is_none(),
             why_not: obstacle.map(|obstacle| obstacle.to_string()),

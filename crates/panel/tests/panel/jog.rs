@@ -179,6 +179,33 @@ async fn a_press_that_has_ended_is_not_begun_again_by_a_request_that_comes_late(
 }
 
 #[tokio::test(start_paused = true)]
+async fn a_late_renewal_is_refused_also_when_others_have_jogged_or_failed_since() {
+    let stage = Stage::new();
+    let press =
+        |id: &str, press: u64| json!({"direction": "+", "speed": 5, "id": id, "press": press}).to_string();
+    let jog = async |id: &str, number: u64| stage.post("/v1/axes/stage/jog", &press(id, number)).await;
+    for (id, number) in [("a", 5), ("b", 1), ("c", 1)] {
+        jog(id, number).await.done();
+        sleep(100 * MS).await;
+        stage.post(END, &json!({"id": id, "press": number}).to_string()).await.done();
+        sleep(2 * SECOND).await;
+    }
+    stage.smsd.refuse_connections(u32::MAX);
+    stage.smsd.cut();
+    let failing = stage.begin("POST", "/v1/axes/stage/jog", &press("d", 9));
+    sleep(SECOND).await;
+    stage.smsd.refuse_connections(0);
+    sleep(5 * SECOND).await;
+    failing.await.expect("no panic");
+    for (id, number) in [("a", 5), ("a", 4), ("b", 1), ("c", 1), ("d", 9)] {
+        let (status, why) = jog(id, number).await.error();
+        assert_eq!((status, why.contains("this jog of stage has ended")), (409, true), "{id}{number}: {why}");
+    }
+    assert!(stage.speed() == 0.0);
+    jog("a", 6).await.done();
+}
+
+#[tokio::test(start_paused = true)]
 async fn a_press_while_it_brakes_is_taken_and_goes_when_it_stands() {
     let stage = Stage::new();
     let press = |press: u64| json!({"direction": "+", "speed": 5, "id": "me", "press": press}).to_string();
@@ -249,7 +276,7 @@ async fn a_jog_on_a_line_that_is_lost_is_stopped_as_soon_as_the_line_is_back() {
     let notice = viewer.event("notice").await;
     assert_eq!(notice["level"], "error");
     let text = notice["text"].as_str().expect("a text");
-    assert!(text.starts_with("stage could not be told to stop, and is told again and again: "), "{text}");
+    assert!(text.starts_with("stage could not be told to stop yet: "), "{text}");
     sleep(5 * SECOND).await;
     assert!(stage.speed() > 100.0);
     assert_eq!(stops(&stage), 0);

@@ -1,5 +1,6 @@
 //! Programs: checked, laid out, tried out, stored, started.
 
+use crate::link::Fault;
 use crate::stage::{MS, SECOND, Stage, has};
 use serde_json::{Value, json};
 use tokio::time::{Instant, sleep};
@@ -15,7 +16,12 @@ fn text(text: &str) -> String {
 async fn a_text_is_checked_with_the_places_of_its_mistakes() {
     let stage = Stage::new();
     let good = stage.post("/v1/programs/check", &text(SHUTTLE)).await.done();
-    assert_eq!(good["mems"], json!([{ "mem": 0, "size": 5, "lines": [1, 3, 4, 5, 6] }]));
+    let memory = &good["mems"][0];
+    assert_eq!(
+        (&memory["mem"], &memory["size"], &memory["lines"]),
+        (&json!(0), &json!(5), &json!([1, 3, 4, 5, 6]))
+    );
+    assert_eq!(memory["words"].as_array().map(Vec::len), Some(5));
     assert!(
         good["diagnostics"].as_array().expect("findings").iter().all(|found| found["severity"] == "warning")
     );
@@ -35,6 +41,12 @@ async fn a_text_is_laid_out_unless_it_cannot_be_read() {
     let stage = Stage::new();
     let laid_out = stage.post("/v1/programs/format", &text("set_max_speed   100\nend")).await.done();
     assert_eq!(laid_out["text"], "    SET_MAX_SPEED 100\n    END\n");
+    let words = async |text_: &str| {
+        stage.post("/v1/programs/check", &text(text_)).await.done()["mems"][0]["words"].clone()
+    };
+    let laid_out = words(laid_out["text"].as_str().expect("a text")).await;
+    assert_eq!(words("set_max_speed   100\nend").await, laid_out, "it is the same program");
+    assert_ne!(words("SET_MAX_SPEED 101\nEND").await, laid_out);
     let answer = stage.post("/v1/programs/format", &text("what is this?")).await;
     assert_eq!((answer.status.as_u16(), answer.json()["diagnostics"][0]["line"].as_u64()), (422, Some(1)));
 }
@@ -67,13 +79,15 @@ async fn a_program_is_tried_out_on_virtual_time() {
         (&json!("MOVE_F 1600"), &json!(0), &json!(1))
     );
     assert!(steps[3]["t"].as_f64() >= Some(20.0), "it waits for the signal: {}", steps[3]);
-    assert_eq!(done["end"], "ended at mem0:4");
+    assert_eq!((&done["end"], &done["end_line"]), (&json!("ended at mem0:4"), &json!(6)));
     let curve = done["curve"].as_array().expect("a curve");
     assert!((1000..=2000).contains(&curve.len()), "{}", curve.len());
     let places = curve.iter().filter_map(|point| point[1].as_f64());
     assert!((places.fold(0.0, f64::max) - 1600.0).abs() < 1e-9);
     let fastest = curve.iter().filter_map(|point| point[2].as_f64()).fold(0.0, f64::max);
     assert!(fastest > 200.0 && fastest <= 800.0, "{fastest}");
+    let back = curve.iter().filter_map(|point| point[2].as_f64()).fold(0.0, f64::min);
+    assert!((-800.0..-200.0).contains(&back), "on its way back its speed is negative: {back}");
     let times: Vec<f64> = curve.iter().filter_map(|point| point[0].as_f64()).collect();
     assert!(times.is_sorted() && times[0] == 0.0);
     assert!((times[times.len() - 1] - steps[4]["t"].as_f64().expect("a time")).abs() < 2.0);
@@ -98,12 +112,20 @@ async fn trying_out_ends_in_words_and_within_bounds() {
     for (body, part) in [
         (json!({ "text": "END", "inputs": { "IN9": "on" } }), "there are IN0"),
         (json!({ "text": "END", "inputs": { "IN0": "soon" } }), "at:TIME"),
+        (json!({ "text": "END", "inputs": { "IN0": "on", "in0": "at:1s" } }), "IN0 is given twice"),
         (json!({ "text": "END", "mem": 4 }), "0 to 3"),
         (json!({ "text": "END", "axis": "uhv" }), "only an SMSD has this"),
         (json!({ "text": "END", "axis": "nobody" }), "there is no axis"),
     ] {
         let (status, why) = stage.post("/v1/programs/simulate", &body.to_string()).await.error();
         assert_eq!((status, why.contains(part)), (422, true), "{why}");
+    }
+    let same_name = r#"{"text":"END","inputs":{"IN1":"at:1s","IN1":"at:2s"}}"#;
+    let (status, why) = stage.post("/v1/programs/simulate", same_name).await.error();
+    assert_eq!((status, why.contains("IN1 is given twice")), (422, true), "{why}");
+    for nothing in [r#"{"text":"END","inputs":{"IN0":null}}"#, r#"{"text":"END","inputs":["IN0"]}"#] {
+        let answer = stage.post("/v1/programs/simulate", nothing).await;
+        assert!(answer.status.is_client_error(), "{answer:?}");
     }
 }
 
@@ -143,6 +165,27 @@ async fn a_program_is_stored_read_back_started_and_stopped() {
     assert_eq!((status, why.contains("a user program runs in stage")), (409, true), "{why}");
     stage.post(&format!("{PROGRAMS}/stop"), "").await.done();
     viewer.state(0, |state| !has(state, 1024)).await;
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_stop_that_comes_while_a_program_is_being_started_wins() {
+    for delay in (0..300).step_by(15) {
+        let stage = Stage::new();
+        stage.put(PROGRAMS, &text("SET_MAX_SPEED 300\nRUN_F 300\nSET_WAIT 5s\nEND\n")).await.done();
+        stage.smsd.otherwise(Fault::Delay(30 * MS));
+        let starting = stage.begin("POST", &format!("{PROGRAMS}/0/start"), "");
+        sleep(delay * MS).await;
+        let was_starting = !starting.is_finished();
+        stage.post("/v1/axes/stage/stop", "{}").await.done();
+        let answer = starting.await.expect("no panic");
+        stage.smsd.otherwise(Fault::Delay(MS));
+        sleep(3 * SECOND).await;
+        if was_starting {
+            let (status, why) = answer.error();
+            assert_eq!((status, why.contains("was told to stop")), (409, true), "after {delay} ms: {why}");
+            assert!(stage.speed() == 0.0, "a stop after {delay} ms was lost");
+        }
+    }
 }
 
 #[tokio::test(start_paused = true)]

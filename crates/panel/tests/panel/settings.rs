@@ -183,3 +183,21 @@ async fn an_smd3_stores_and_loads_its_settings() {
         assert_eq!(stage.post(&path, "").await.error().0, 422, "{path}");
     }
 }
+
+#[tokio::test(start_paused = true)]
+async fn what_an_smd3_keeps_is_known_once_it_was_stored_or_loaded_from_here() {
+    let stage = Stage::new();
+    let stored = async || row(&stage, SMD3, "VSTOP").await["stored"].clone();
+    assert_eq!(stored().await, Value::Null);
+    stage.put(SMD3, &set(&json!({ "VSTOP": 20 }))).await.done();
+    assert_eq!(stored().await, Value::Null, "nobody has stored it");
+    stage.post("/v1/axes/uhv/settings/store", "").await.done();
+    let kept = stored().await;
+    assert_eq!(kept, row(&stage, SMD3, "VSTOP").await["value"]);
+    stage.put(SMD3, &set(&json!({ "VSTOP": 30 }))).await.done();
+    assert_eq!(stored().await, kept);
+    assert_ne!(row(&stage, SMD3, "VSTOP").await["value"], kept);
+    stage.post("/v1/axes/uhv/settings/load", "").await.done();
+    assert_eq!(row(&stage, SMD3, "VSTOP").await["value"], kept);
+    assert_eq!(stored().await, kept);
+}

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use std::sync::Arc;
 use stepdrive_host::axis::{DriveAxis, SmsdMotor};
 use stepdrive_host::smsd::{Smsd as _, SmsdOptions, WordOrder};
+use stepdrive_host::units::{Decimal, Scale};
 use stepdrive_panel::{Controller, Panel};
 use tokio::time::{Instant, sleep};
 
@@ -62,7 +63,7 @@ async fn states_come_only_when_they_have_changed_and_something_comes_all_the_tim
     viewer.during(2 * SECOND).await;
     let quiet = viewer.during(10 * SECOND).await;
     assert!(states(&quiet).is_empty(), "{quiet:?}");
-    assert!((20..=21).contains(&quiet.len()), "{}", quiet.len());
+    assert!((40..=41).contains(&quiet.len()), "{}", quiet.len());
     stage.post("/v1/axes/stage/move", r#"{"by":"10mm","speed":"10mm/s"}"#).await.done();
     let moving = states(&viewer.during(SECOND).await);
     assert!((8..=12).contains(&moving.len()), "{}", moving.len());
@@ -131,6 +132,91 @@ async fn a_controller_that_cannot_be_reached_is_lost_at_once_and_says_why() {
     assert!(lost["w"].as_str().is_some_and(|why| why.starts_with("cannot connect to stage: ")), "{lost}");
     let focus = viewer.event("focus").await;
     assert!(has(&focus, LOST) && focus["a"].as_u64().is_some() && focus["w"].is_string(), "{focus}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn what_was_read_before_everybody_left_is_kept_with_its_age() {
+    let stage = Stage::new();
+    stage.post("/v1/axes/stage/move", r#"{"by":"10mm","speed":"10mm/s"}"#).await.done();
+    sleep(3 * SECOND).await;
+    let mut viewer = stage.watch("").await;
+    viewer.state(0, |state| state["p"] == 10.0).await;
+    drop(viewer);
+    stage.smsd.refuse_connections(u32::MAX);
+    stage.smsd.cut();
+    sleep(7 * SECOND).await;
+    let mut viewer = stage.watch("?focus=stage").await;
+    let seen = viewer.state(0, |_| true).await;
+    assert!(has(&seen, UNREAD) && seen["p"] == 10.0, "{seen}");
+    let age = seen["a"].as_u64().expect("an age");
+    assert!((6900..=7200).contains(&age), "{seen}");
+    let seen = viewer.state(0, |state| has(state, LOST)).await;
+    assert!(!has(&seen, UNREAD) && seen["p"] == 10.0, "{seen}");
+    let age = seen["a"].as_u64().expect("an age");
+    assert!((6900..=9000).contains(&age), "{seen}");
+    let axis = stage.get("/v1/axes/stage").await.done();
+    assert!(has(&axis, LOST) && axis["p"] == 10.0 && axis["a"].as_u64() >= Some(age), "{axis}");
+    drop(viewer);
+    // Whoever comes next sees at once that it was lost.
+    let seen = stage.watch("").await.state(0, |_| true).await;
+    assert!(has(&seen, LOST) && seen["a"].as_u64() >= Some(age), "{seen}");
+    stage.smsd.refuse_connections(0);
+    let seen = stage.watch("").await.state(0, |state| !has(state, LOST)).await;
+    assert_eq!(seen["a"], Value::Null, "{seen}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn one_that_was_never_read_has_no_age() {
+    let stage = Stage::new();
+    stage.smsd.refuse_connections(u32::MAX);
+    for _ in 0..2 {
+        let seen = stage.watch("").await.state(0, |state| has(state, LOST)).await;
+        assert!(has(&seen, UNREAD) && seen["a"] == Value::Null, "{seen}");
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_reversed_axis_has_a_negative_number_of_steps_to_the_unit() {
+    let bench = Bench::new();
+    let scale = Scale::millimetres(Decimal::whole(5), 200).expect("a scale").reversed();
+    let motor = SmsdMotor::new("stage", bench.another(SmsdOptions::default()));
+    let axes = vec![axis("stage", Controller::Smsd(Arc::new(DriveAxis::new(motor).with_scale(scale))))];
+    let stage = Stage { panel: Panel::new(axes), smsd: bench, ..Stage::new() };
+    stage.post("/v1/axes/stage/move", r#"{"by":"10mm","speed":"10mm/s"}"#).await.done();
+    sleep(3 * SECOND).await;
+    let detail = stage.get("/v1/axes/stage").await.done();
+    assert_eq!(
+        (&detail["steps_per_unit"], &detail["p"], &detail["steps"]),
+        (&json!(-40.0), &json!(10.0), &json!(-400.0))
+    );
+}
+
+#[tokio::test(start_paused = true)]
+async fn who_looks_closely_sees_that_settings_were_changed() {
+    let stage = Stage::new();
+    let mut before = 0;
+    for (method, path, body) in [
+        ("PUT", "stage/settings", r#"{"set":{"ACC":2000}}"#),
+        ("POST", "stage/settings/apply-lan", ""),
+        ("POST", "stage/clear", ""),
+        ("POST", "stage/home", r#"{"direction":"+"}"#),
+        ("PUT", "uhv/settings", r#"{"set":{"VSTOP":20}}"#),
+        ("POST", "uhv/settings/store", ""),
+        ("POST", "uhv/settings/load", ""),
+    ] {
+        if path == "uhv/settings" {
+            before = 0;
+        }
+        stage.begin(method, &format!("/v1/axes/{path}"), body).await.expect("no panic").done();
+        stage.post("/v1/axes/stage/stop", "{}").await;
+        sleep(SECOND).await;
+        let name = path.split('/').next().expect("a name");
+        let revision = stage.get(&format!("/v1/axes/{name}")).await.done()["rev"].as_u64().expect("a number");
+        assert!(revision > before, "{path}");
+        before = revision;
+    }
+    let focus = stage.watch("?focus=uhv").await.event("focus").await;
+    assert_eq!(focus["rev"], before);
 }
 
 #[tokio::test(start_paused = true)]
