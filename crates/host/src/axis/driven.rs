@@ -352,9 +352,19 @@ impl<M: Motor> DriveAxis<M> {
             checked
         };
         if !options.no_wait {
-            self.arrive(&checked, options.timeout).await?;
+            self.arrive(&checked, options.timeout).await.map_err(|error| self.begun("motion", error))?;
         }
         Ok(checked.plan)
+    }
+
+    /// An error behind the start of a motion. When nothing more was heard, what has become of it is part of what there is to say.
+    fn begun(&self, motion: &str, error: Error) -> Error {
+        if !matches!(error, Error::Line(_)) {
+            return error;
+        }
+        let done =
+            format!("the {motion} of {} was begun, and whether it has ended is not known", self.motor.name());
+        Error::Partly { done, cause: Box::new(error) }
     }
 
     async fn run_off(
@@ -396,7 +406,7 @@ impl<M: Motor> DriveAxis<M> {
         let starting = Starting::new(&self.watched);
         let homed = self.motor.home(self.turned(direction), speed, options.timeout, leave).await;
         drop(starting);
-        homed?;
+        homed.map_err(|error| self.begun("search for home", error))?;
         let upsets = self.marked().await?;
         leave.check()?;
         self.believe_zero(upsets);

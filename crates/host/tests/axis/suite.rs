@@ -68,6 +68,7 @@ suite! { $ hold of suite:
     a_stop_that_is_lost_is_sent_again
     homing_that_somebody_else_stops_finds_nothing
     a_lost_reply_to_a_motion_is_told_and_nothing_is_repeated
+    a_line_that_falls_silent_behind_a_start_is_told_with_what_was_begun
     a_cut_line_keeps_trust_where_nothing_has_happened
     a_controller_that_started_over_has_no_position
     a_record_of_trust_outlives_the_program
@@ -400,6 +401,20 @@ pub(crate) async fn a_lost_reply_to_a_motion_is_told_and_nothing_is_repeated<S: 
         let state = axis.wait_done(None).await.expect("it stands");
         assert_eq!((rig.carriage(), state.trust), (200.0, Trust::Trusted), "{number}");
     }
+}
+
+pub(crate) async fn a_line_that_falls_silent_behind_a_start_is_told_with_what_was_begun<S: Stage>() {
+    let rig = S::new().await;
+    let axis = zeroed(&rig).await;
+    let silence = async {
+        tokio::time::sleep(300 * MS).await;
+        rig.slow_down(60 * SECOND);
+    };
+    let (moved, ()) = tokio::join!(axis.move_by(amount("50mm"), HERE), silence);
+    let lost = moved.expect_err("silent");
+    assert!(lost.to_string().contains("did not answer within 1s; the motion of "), "{lost}");
+    assert!(lost.to_string().ends_with(" was begun, and whether it has ended is not known"), "{lost}");
+    assert_eq!(lost.exit_code(), 5);
 }
 
 pub(crate) async fn a_cut_line_keeps_trust_where_nothing_has_happened<S: Stage>() {
