@@ -120,7 +120,8 @@ pub(crate) struct HomeArgs {
     /// Where to look.
     #[arg(value_name = "+|-", value_parser = direction, default_value = "-", allow_hyphen_values = true)]
     direction: Direction,
-    /// Speed of the search; by default the one set in the controller.
+    /// Speed of the search; by default the one set in the controller (TARGET_SPEED, VMAX). Over USB an SMSD does not tell it: then
+    /// 16 full steps/s.
     #[arg(long, value_name = "SPEED", value_parser = Speed::parse)]
     speed: Option<Speed>,
     /// How long to look at most; the motor is stopped then.
