@@ -93,7 +93,7 @@ const clock = (_, times) => times.map((time) => new Date(time * 1000).toTimeStri
 /** The part of the height that each has, from the top and from the bottom. */
 const BANDS = { p: { share: 0.62, top: true }, v: { share: 0.3, top: false } };
 /** A tick with its number wants so much. */
-const TICK_PX = 34;
+const TICK_PX = 24;
 /** How wide the numbers beside the plot are. */
 const AXIS_PX = 64;
 
