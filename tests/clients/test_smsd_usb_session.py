@@ -172,8 +172,9 @@ def test_before_the_log_in_everything_is_refused_and_nothing_done(rig):
         assert usb.code(kind) == ERROR_ACCESS, kind
     assert usb.set_lan(Lan(bytes(6), bytes(4), bytes(4), bytes(4), bytes(4), 1502, 1, 9)) == ERROR_ACCESS
     assert usb.set_password(NEW_PASSWORD) == ERROR_ACCESS
-    for kind, data in [(RESPONSE, b""), (15, b""), (0xFF, b""), (POWERSTEP01, b"123"), (REQUEST, b"1234567")]:
+    for kind, data in [(RESPONSE, b""), (15, b""), (0xFF, b""), (POWERSTEP01, b"123")]:
         assert usb.code(kind, data) == ERROR_ACCESS, (kind, data)
+    assert usb.code(REQUEST, b"1234567") == ERROR_LEN
     rig.pass_time("1s")
     assert usb.try_password(PASSWORD) == OK_ACCESS
     assert (usb.position(), usb.relay_is_on(), usb.read_memory(0), usb.lan().ident) == (0, False, [], 1)
