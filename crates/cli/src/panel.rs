@@ -187,14 +187,33 @@ fn cannot_listen(at: SocketAddr, error: &std::io::Error) -> Failure {
     Failure::Failed(format!("cannot serve the panel on {at}: {error}; choose another address with --listen"))
 }
 
-/// Two axes of the same name could not be told apart.
+/// Two axes of the same name could not be told apart, and of two at one port only one would ever be reached.
 fn check_unlike(found: &[Found]) -> Result<(), Failure> {
     for (number, axis) in found.iter().enumerate() {
-        if found.iter().take(number).any(|other| other.name.eq_ignore_ascii_case(&axis.name)) {
+        let others = || found.iter().take(number);
+        if others().any(|other| other.name.eq_ignore_ascii_case(&axis.name)) {
             return Err(Failure::Usage(format!("{} is named twice; name each axis once", axis.name)));
+        }
+        let Some(port) = port_of(&axis.target) else { continue };
+        if let Some(other) = others().find(|other| port_of(&other.target) == Some(port)) {
+            return Err(Failure::Usage(format!(
+                "{} and {} are both at {port}; a port is for one axis at a time: name one of them",
+                other.name, axis.name
+            )));
         }
     }
     Ok(())
+}
+
+/// The serial port of a target, if it has one.
+fn port_of(target: &Target) -> Option<&str> {
+    match target {
+        Target::SmsdUsb { path } | Target::Smd3Serial { path } => Some(path),
+        Target::Smsd { .. }
+        | Target::SmsdUsbTcp { .. }
+        | Target::SmsdStandard { .. }
+        | Target::Smd3Tcp { .. } => None,
+    }
 }
 
 /// Who may ask.

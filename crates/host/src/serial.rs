@@ -32,7 +32,7 @@ impl Serial {
 }
 
 impl Connect for Serial {
-    /// Opens the port. While another program holds it that is waited for, 2 s at most.
+    /// Opens the port. While another program holds it that is waited for, 0.6 s at most.
     fn connect(&self) -> BoxFuture<'_, io::Result<Box<dyn Stream>>> {
         Box::pin(async move {
             let hold = lock::Hold::take(&self.path).await?;
@@ -88,8 +88,9 @@ mod lock {
     use std::time::Duration;
     use tokio::time::{Instant, sleep};
 
-    /// How long another program is waited for: longer than a command that asks for something and goes takes.
-    const PATIENCE: Duration = Duration::from_secs(2);
+    /// How long another program is waited for: longer than a command that asks for something and goes takes. Who makes a request
+    /// tries to open the port several times.
+    const PATIENCE: Duration = Duration::from_millis(600);
 
     /// Time between two looks whether it has gone.
     const REST: Duration = Duration::from_millis(20);
@@ -108,7 +109,7 @@ mod lock {
                     Ok(()) => return Ok(Hold(port)),
                     Err(TryLockError::Error(error)) => return Err(error),
                     Err(TryLockError::WouldBlock) if Instant::now() >= latest => {
-                        let what = "another program has it open; close that, or use it by turns";
+                        let what = "another program has it open, as a panel does once it was looked at; close that, or use it by turns";
                         return Err(io::Error::new(io::ErrorKind::ResourceBusy, what));
                     }
                     Err(TryLockError::WouldBlock) => drop(port),

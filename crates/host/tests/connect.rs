@@ -89,7 +89,7 @@ async fn a_serial_port_is_one_programs_until_it_closes_it() {
     assert!(error.to_string().starts_with("another program has it open"), "{error}");
     let waiting = serial.connect();
     let leaving = async {
-        tokio::time::sleep(std::time::Duration::from_secs(1)).await;
+        tokio::time::sleep(std::time::Duration::from_millis(300)).await;
         drop(first);
     };
     tokio::join!(waiting, leaving).0.expect("the first has gone");

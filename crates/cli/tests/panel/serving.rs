@@ -118,6 +118,10 @@ fn mistakes_are_told_before_anything_is_served() {
     let bench = Bench::start();
     assert!(bench.run("panel nosuch").refused(3).starts_with("there is no axis `nosuch`"));
     assert_eq!(bench.run("panel stage -a stage").refused(1), "stage is named twice; name each axis once");
+    bench
+        .write("ports.toml", "[axis.a]\nuri = \"smsd+usb:///dev/ttyS99\"\n[axis.b]\nuri = \"/dev/ttyS99\"\n");
+    let said = bench.run("panel --config ports.toml").refused(1);
+    assert_eq!(said, "a and b are both at /dev/ttyS99; a port is for one axis at a time: name one of them");
     let panel = Panel::start(&bench, "");
     let taken = panel.url("").replace("http://", "").replace('/', "");
     let refused = bench.run(&format!("panel --listen {taken}")).refused(2);

@@ -282,7 +282,8 @@ impl SmsdMotor {
         )))
     }
 
-    /// Goes off the switch.
+    /// Goes off the switch. A stop by another program is seen as long as the motor is not braking by itself: it slows down, or
+    /// is freed.
     async fn back_off(
         &self,
         direction: Direction,
@@ -291,19 +292,30 @@ impl SmsdMotor {
         leave: Leave<'_>,
     ) -> Result<(), Error> {
         leave.act(self, self.client.run(direction, speed)).await?;
-        self.until(pace, |snapshot| !snapshot.input(Input::SetZero) || !is_moving(snapshot)).await?;
-        leave.act(self, self.trigger(Reg::SoftStop)).await?;
-        let snapshot = self.until(pace, |snapshot| !is_moving(snapshot)).await?;
+        let goes = |snapshot: &Snapshot| {
+            matches!(snapshot.status.motion, MotStatus::Accelerating | MotStatus::ConstantSpeed)
+        };
+        let off = self.until(pace, |snapshot| !snapshot.input(Input::SetZero) || !goes(snapshot)).await?;
         leave.check()?;
-        if !snapshot.input(Input::SetZero) {
-            return Ok(());
+        if !goes(&off) {
+            return Err(self.interrupted(&off));
         }
-        Err(Error::Refused(format!(
-            "{} stopped at {} microsteps before it was off {}: somebody or something stopped it; home it again",
+        leave.act(self, self.trigger(Reg::SoftStop)).await?;
+        let standing = self.until(pace, |snapshot| !is_moving(snapshot)).await?;
+        leave.check()?;
+        if standing.input(Input::SetZero) || standing.status.hi_z {
+            return Err(self.interrupted(&standing));
+        }
+        Ok(())
+    }
+
+    fn interrupted(&self, seen: &Snapshot) -> Error {
+        Error::Refused(format!(
+            "{} stopped at {} microsteps on its way off {}: somebody or something stopped it; home it again",
             self.name,
-            snapshot.position,
+            seen.position,
             Input::SetZero
-        )))
+        ))
     }
 
     /// Looks until something is so.

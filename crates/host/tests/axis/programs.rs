@@ -2,6 +2,7 @@
 #![allow(clippy::float_cmp, reason = "whole steps are exact")]
 
 use crate::stage::{MS, SECOND, Stage, suite};
+use crate::stopping::{WAYS, at, stop_and_watch};
 use crate::suite::{amount, energise, told};
 use stepdrive_host::axis::{Axis, DriveAxis, MoveOptions, SmsdMotor, Stop};
 use stepdrive_host::units::{Goal, Speed};
@@ -35,6 +36,7 @@ suite! { $ hold of programs:
     a_stop_goes_out_first_and_costs_little
     a_program_that_could_not_be_ended_is_told
     homing_that_somebody_stops_on_the_way_off_the_switch_finds_nothing
+    a_stop_by_another_program_that_ends_off_the_switch_is_not_taken_for_the_way_off
     a_stop_while_it_goes_off_the_switch_is_not_taken_for_the_way_off
     a_free_stop_just_before_homing_gives_up_stays_one
     a_speed_that_is_too_low_is_refused_with_what_was_asked_for
@@ -152,8 +154,33 @@ pub(crate) async fn homing_that_somebody_stops_on_the_way_off_the_switch_finds_n
     let slowly = MoveOptions { speed: Some(Speed::parse("20 steps/s").expect("a speed")), ..HERE };
     let (homed, ()) = tokio::join!(axis.home(Direction::Negative, slowly), stopped);
     let words = told(homed);
-    assert!(words.contains("before it was off SET_ZERO: somebody or something stopped it"), "{words}");
+    assert!(words.contains("on its way off SET_ZERO: somebody or something stopped it"), "{words}");
     assert!(rig.carriage() > -108.0 && rig.carriage() < -100.0, "{}", rig.carriage());
+}
+
+pub(crate) async fn a_stop_by_another_program_that_ends_off_the_switch_is_not_taken_for_the_way_off<
+    S: Controller,
+>() {
+    for (number, how) in (3..12).zip(WAYS.into_iter().cycle()) {
+        let when = format!("{how:?} after {number} x 20 ms");
+        let rig = S::new().await;
+        let (axis, other) = (rig.axis(), rig.axis());
+        energise(&axis).await;
+        axis.motor().client().write(Reg::Dec, 100).await.expect("taken");
+        axis.motor().client().write(Reg::Acc, 100).await.expect("taken");
+        axis.move_by(amount("-109.5 steps"), HERE).await.expect("it is there");
+        other.state().await.expect("a state");
+        // It takes 0.4 s to be off the switch, and as long to brake.
+        let homing = axis.home(Direction::Negative, at("200 steps/s"));
+        let (homed, ()) = tokio::join!(homing, stop_and_watch(&other, &rig, number * 20 * MS, how));
+        let words = told(homed);
+        assert!(
+            words.contains("on its way off SET_ZERO: somebody or something stopped it"),
+            "{when}: {words}"
+        );
+        let energised = axis.state().await.expect("a state").energised;
+        assert_eq!(energised, how != Stop::Free, "{when}");
+    }
 }
 
 pub(crate) async fn a_stop_while_it_goes_off_the_switch_is_not_taken_for_the_way_off<S: Controller>() {

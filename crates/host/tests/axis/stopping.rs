@@ -13,7 +13,7 @@ use tokio::time::{Instant, sleep, timeout};
 const HERE: MoveOptions = MoveOptions { speed: None, no_wait: false, override_trust: false, timeout: None };
 
 /// The ways to stop, in turn.
-const WAYS: [Stop; 3] = [Stop::Soft, Stop::Hard, Stop::Free];
+pub(crate) const WAYS: [Stop; 3] = [Stop::Soft, Stop::Hard, Stop::Free];
 
 suite! { $ hold of stopping:
     a_stop_at_any_moment_of_homing_wins
@@ -27,7 +27,7 @@ suite! { $ hold of stopping:
     a_speed_that_the_controller_does_not_take_is_refused_beforehand
 }
 
-fn at(text: &str) -> MoveOptions {
+pub(crate) fn at(text: &str) -> MoveOptions {
     MoveOptions { speed: Some(Speed::parse(text).expect("a speed")), ..HERE }
 }
 
@@ -44,7 +44,12 @@ async fn brakes_to_a_standstill<S: Stage>(rig: &S, when: &str) {
 }
 
 /// Stops after a while. Nothing starts once that was answered, and the motor only ever gets slower.
-async fn stop_and_watch<S: Stage>(axis: &DriveAxis<S::Motor>, rig: &S, after: Duration, how: Stop) {
+pub(crate) async fn stop_and_watch<S: Stage>(
+    axis: &DriveAxis<S::Motor>,
+    rig: &S,
+    after: Duration,
+    how: Stop,
+) {
     let when = format!("{how:?} after {after:?}");
     sleep(after).await;
     axis.stop(how).await.expect("stopped");
