@@ -197,6 +197,23 @@ def test_escape_stops_all_where_a_page_is_about_all_also_while_text_is_written(t
     expect(field).to_have_value("a b")
 
 
+def test_a_stop_that_a_server_took_along_when_it_ended_is_given_to_the_next(tab, rig):
+    page = tab.open("#/axis/stage")
+    rig.control.do("power stage off")
+    expect(page.locator("#state")).to_contain_text("lost", timeout=10_000)
+    page.locator("#stop").click()
+    left = page.locator(".notice.error", has_text="it is told again until it can be")
+    expect(left).to_be_visible(timeout=10_000)
+    asked = []
+    page.on("request", lambda request: asked.append(request.url) if request.url.endswith("/stage/stop") else None)
+    rig.stop()
+    expect(page.locator(".link")).to_have_text("connection lost", timeout=10_000)
+    rig.start()
+    expect(page.locator(".link")).to_have_text("connected", timeout=10_000)
+    until(lambda: asked, "the new server was not told to stop")
+    expect(left).to_have_count(0)
+
+
 def test_escape_closes_what_is_open_first_and_stops_then(tab, rig):
     page = tab.open("#/axis/stage/programs")
     asked = []

@@ -89,7 +89,7 @@ const TRY_AGAIN_MS = 500;
 const LOOK_MS = 500;
 /** The last press of each stop, by its path: only this one is sent again. */
 const presses = new Map();
-/** What looks whether drives have been told, by the path of the stop. */
+/** What ends looking whether drives have been told, by the path of the stop. */
 const looks = new Map();
 
 /** Stops an axis, whatever else goes on. */
@@ -99,14 +99,14 @@ export async function stop(name, how = "soft") {
     if (error.status !== 502) throw error;
     return { not_yet: [{ axis: name, error: error.message }] };
   }));
-  if (answer) tellWhoIsLeft(path, answer.not_yet ?? []);
+  if (answer) tellWhoIsLeft(path, how, answer.not_yet ?? []);
 }
 
 /** Stops all axes. */
 export async function stopAll() {
   const path = "/v1/axes/stop";
   const answer = await attempt(() => insist(path, {}, "all drives"));
-  if (answer) tellWhoIsLeft(path, answer.not_yet);
+  if (answer) tellWhoIsLeft(path, "soft", answer.not_yet);
 }
 
 /** Sends a stop until it is answered, and answers that; nothing when it was pressed anew meanwhile. */
@@ -151,25 +151,39 @@ async function once(path, body) {
   }
 }
 
-/** Says which drives could not be told to stop yet, until they have been: the server goes on telling them. */
-function tellWhoIsLeft(path, notYet) {
+/** Says which drives could not be told to stop yet, until they have been: the server goes on telling them. One that has been
+ * started anew meanwhile knows nothing of that, so they are stopped again when the connection comes back. */
+function tellWhoIsLeft(path, how, notYet) {
   const about = `left ${path}`;
-  clearInterval(looks.get(path));
+  looks.get(path)?.();
+  looks.delete(path);
   withdraw(about);
   if (notYet.length === 0) return;
   let left = notYet;
   const tell = () => notify("error", left.length === 1 ? left[0].error
     : `${listed(left)} could not be told to stop yet; they are told again until they can be`, { about, stays: true });
   tell();
-  looks.set(path, setInterval(() => {
+  const timer = setInterval(() => {
     const now = left.filter((one) => !stands(one.axis));
     if (now.length === left.length) return;
     left = now;
     if (left.length > 0) return tell();
-    clearInterval(looks.get(path));
+    end();
     withdraw(about);
     return notify("good", `${listed(notYet)} can be reached again, and ${notYet.length === 1 ? "stands" : "stand"}`);
-  }, LOOK_MS));
+  }, LOOK_MS);
+  const forget = store.watch("link", (up) => {
+    if (!up) return;
+    end();
+    withdraw(about);
+    for (const one of left) stop(one.axis, how);
+  });
+  const end = () => {
+    clearInterval(timer);
+    forget();
+    looks.delete(path);
+  };
+  looks.set(path, end);
 }
 
 /** Whether a drive is seen to stand; one that is here no more need not be waited for. */
