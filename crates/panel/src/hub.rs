@@ -4,7 +4,7 @@
 //! has gone: then nothing is asked of any controller.
 
 use crate::look::{Focus, Looker, Reading, bit};
-use crate::member::Member;
+use crate::member::{Member, Seen};
 use std::pin::pin;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -88,7 +88,7 @@ impl Row {
 }
 
 #[derive(Debug, Default)]
-struct Seen {
+struct Sights {
     version: u64,
     rows: Vec<Row>,
 }
@@ -103,7 +103,7 @@ struct Watching {
 pub(crate) struct Hub {
     began: Instant,
     members: Vec<Arc<Member>>,
-    seen: Mutex<Seen>,
+    seen: Mutex<Sights>,
     /// Counts what was found out about axes beyond their state.
     found: tokio::sync::watch::Sender<u64>,
     watching: Mutex<Watching>,
@@ -121,13 +121,13 @@ impl Hub {
         Hub {
             began,
             members,
-            seen: Mutex::new(Seen { version: 1, rows }),
+            seen: Mutex::new(Sights { version: 1, rows }),
             found: tokio::sync::watch::Sender::new(0),
             watching: Mutex::default(),
         }
     }
 
-    fn seen(&self) -> MutexGuard<'_, Seen> {
+    fn seen(&self) -> MutexGuard<'_, Sights> {
         // They are plain values, so whoever panicked left nothing half done.
         self.seen.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -173,13 +173,6 @@ impl Hub {
         (seen.version, rows.map(|(place, row)| (place, row.clone())).collect())
     }
 
-    /// When an axis was last seen, if it stood without current then.
-    pub(crate) fn seen_at_rest(&self, member: &Member) -> Option<Instant> {
-        let seen = self.seen();
-        let row = seen.rows.get(member.index()).filter(|row| row.lost.is_none())?;
-        row.read_at.filter(|_| row.reading.bits & (bit::MOVING | bit::ENERGISED | bit::PROGRAM) == 0)
-    }
-
     /// Why an axis cannot be read, if it cannot.
     pub(crate) fn why_lost(&self, member: &Member) -> Option<String> {
         self.seen().rows.get(member.index())?.lost.clone()
@@ -198,6 +191,7 @@ impl Hub {
 
     /// Takes down what was seen.
     fn note(&self, member: &Member, begun: Instant, reading: Reading, focus: Option<Focus>) {
+        member.doing().seen = Some(Seen { at: begun, bits: reading.bits });
         let mut seen = self.seen();
         let next = seen.version + 1;
         let Some(row) = seen.rows.get_mut(member.index()) else { return };
@@ -221,6 +215,7 @@ impl Hub {
 
     /// Takes down that an axis could not be read.
     fn lose(&self, member: &Member, why: &str) {
+        member.doing().seen = None;
         let mut seen = self.seen();
         let next = seen.version + 1;
         let Some(row) = seen.rows.get_mut(member.index()) else { return };

@@ -16,7 +16,7 @@ use std::collections::VecDeque;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
-use stepdrive_host::axis::{MoveOptions, Stop};
+use stepdrive_host::axis::MoveOptions;
 use stepdrive_host::units::{Decimal, Speed};
 use stepdrive_host::{Direction, Error};
 use stepdrive_spec::smd3::commands::Command;
@@ -178,7 +178,7 @@ pub(crate) async fn end(
     if timeout(PATIENCE, jog.stopped()).await.is_ok() {
         return Ok(Reply(Nothing {}));
     }
-    Err(stopping::not_yet(&panel, &member, None))
+    Err(stopping::not_yet(&panel, &member, stopping::trouble(&member)))
 }
 
 impl Begin {
@@ -224,6 +224,7 @@ fn hold(member: &Arc<Member>, id: &str, wanted: Wanted) -> Result<watch::Receive
         jog.wanted.send_replace(wanted);
         return Ok(jog.stage.clone());
     }
+    doing.check_stopped(member.name())?;
     if doing.ended_jogs.has(id, wanted.press) {
         return Err(has_ended(member));
     }
@@ -232,7 +233,8 @@ fn hold(member: &Arc<Member>, id: &str, wanted: Wanted) -> Result<watch::Receive
     doing.aim = None;
     doing.jog = Some(Arc::new(Jog { id: id.to_owned(), wanted: want, stage: stage.clone() }));
     drop(doing);
-    tokio::spawn(Jogging { member: Arc::clone(member), heard, tell, before: None }.go());
+    let jogging = Jogging { member: Arc::clone(member), heard, tell, before: None, stops: member.stops() };
+    tokio::spawn(jogging.go());
     Ok(stage)
 }
 
@@ -298,6 +300,8 @@ struct Jogging {
     tell: watch::Sender<Stage>,
     /// The highest speed as it was before, as the controller has it.
     before: Option<f64>,
+    /// [`Member::stops`] when it last set off.
+    stops: u32,
 }
 
 impl Jogging {
@@ -321,6 +325,7 @@ impl Jogging {
 
     /// Goes once, and stops.
     async fn once(&mut self, wanted: Wanted) -> Result<(), Error> {
+        self.stops = self.member.stops();
         self.tell.send_replace(Stage::Starting);
         let why = self.leg(wanted).await?;
         if why == Why::Silent {
@@ -424,7 +429,7 @@ impl Jogging {
 
     /// Stops, however often that has to be tried.
     async fn stop(&self) {
-        stopping::tell(&self.member, Stop::Soft).at_last().await;
+        stopping::repeat(&self.member, self.stops).at_last().await;
     }
 
     fn say_why(&self) {
@@ -448,7 +453,7 @@ impl Jogging {
             if looked.elapsed() >= BRAKING {
                 if state.speed.abs() >= fastest {
                     // When it fails again, the next look says so.
-                    let again = stopping::tell(&self.member, Stop::Soft);
+                    let again = stopping::repeat(&self.member, self.stops);
                     let _ = again.by(Instant::now() + BRAKING).await;
                 }
                 (looked, fastest) = (Instant::now(), state.speed.abs());

@@ -1,12 +1,13 @@
 //! One axis of the panel, and what is under way on it.
 
 use crate::jog::{EndedJogs, Jog};
-use crate::look::Focus;
+use crate::look::{Focus, bit};
 use crate::notices::{Level, Notices};
 use crate::stopping::Stopping;
 use crate::{Controller, Keeper, Kept, PanelAxis};
 use serde::Serialize;
 use std::fmt;
+use std::pin::pin;
 use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
@@ -57,17 +58,66 @@ pub(crate) struct Doing {
     departing: u32,
     /// When the last was.
     departed: Option<Instant>,
+    /// How it was told to stop last, and which of the stops that was.
+    last_stop: Option<(u32, Stop)>,
+    /// What was seen of it last; `None` while it is lost.
+    pub(crate) seen: Option<Seen>,
+}
+
+/// A look at an axis, as far as stops ask for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Seen {
+    pub(crate) at: Instant,
+    /// See [`bit`].
+    pub(crate) bits: u16,
+}
+
+impl Seen {
+    pub(crate) fn is_moving(self) -> bool {
+        self.bits & bit::MOVING != 0
+    }
+
+    /// Whether it stood without current, and no program was seen to run.
+    pub(crate) fn is_at_rest(self) -> bool {
+        self.bits & (bit::MOVING | bit::ENERGISED | bit::PROGRAM) == 0
+    }
 }
 
 impl Doing {
     /// See [`Member::check_idle`].
     pub(crate) fn check_idle(&self, name: &str) -> Result<(), Error> {
+        self.check_stopped(name)?;
         let what = match (&self.jog, self.homing) {
             (_, true) => "is looking for its home switch",
             (Some(_), false) => "is being jogged",
             (None, false) => return Ok(()),
         };
         Err(Error::Refused(format!("{name} {what}; stop it first; nothing was sent")))
+    }
+
+    /// Fails while a stop does not get through: whatever is asked for then would wait behind it, and be given up for it.
+    pub(crate) fn check_stopped(&self, name: &str) -> Result<(), Error> {
+        match self.stopping.as_ref().and_then(Stopping::trouble) {
+            None => Ok(()),
+            Some(why) => Err(Error::Refused(format!(
+                "{name} is still being told to stop: {why}; try again; nothing was sent"
+            ))),
+        }
+    }
+
+    /// How it was told to stop last, if that was since it was told to so many times.
+    pub(crate) fn stopped_since(&self, stops: u32) -> Option<Stop> {
+        self.last_stop.filter(|(stop, _)| *stop > stops).map(|(_, how)| how)
+    }
+
+    /// Whether a motion is being begun from here, or goes on that ends from here.
+    pub(crate) fn is_under_way(&self) -> bool {
+        self.departing > 0 || self.jog.is_some() || self.homing
+    }
+
+    /// Whether no motion was begun from here since a time, and none is being.
+    pub(crate) fn has_not_departed_since(&self, time: Instant) -> bool {
+        !self.is_under_way() && self.departed.is_none_or(|departed| departed < time)
     }
 }
 
@@ -290,15 +340,21 @@ impl Member {
     }
 
     /// Somebody wants it to stop: what is about to be begun is not.
-    pub(crate) fn note_stop(&self) {
-        self.stops.fetch_add(1, Ordering::SeqCst);
-        self.doing().aim = None;
+    pub(crate) fn note_stop(&self, doing: &mut Doing, how: Stop) {
+        let stop = self.stops.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
+        doing.aim = None;
+        doing.last_stop = Some((stop, how));
     }
 
-    /// Tells it once to stop. Whatever is under way on its line goes on if it lets the stop through at once, and is given up otherwise.
-    pub(crate) async fn stop(&self, how: Stop) -> Result<(), Error> {
-        self.note_stop();
-        let mut stopped = self.axis().stop(how);
+    /// Tells it once to stop, as `chosen` says of what was asked for. Whatever is under way on its line goes on if it lets
+    /// this through at once, and is given up otherwise.
+    pub(crate) async fn stop(
+        &self,
+        asked: Stop,
+        chosen: impl Future<Output = Result<Stop, Error>>,
+    ) -> Result<(), Error> {
+        self.note_stop(&mut self.doing(), asked);
+        let mut stopped = pin!(async { self.axis().stop(chosen.await?).await });
         let done = if let Ok(done) = timeout(PATIENCE, &mut stopped).await {
             done
         } else {
@@ -336,15 +392,6 @@ impl Member {
         if let Some(stopping) = doing.stopping.as_ref().filter(|_| self.stops() == stops) {
             stopping.end();
         }
-    }
-
-    /// Whether no motion was begun from here since a time, and none is being.
-    pub(crate) fn has_not_departed_since(&self, time: Instant) -> bool {
-        let doing = self.doing();
-        doing.departing == 0
-            && doing.jog.is_none()
-            && !doing.homing
-            && doing.departed.is_none_or(|departed| departed < time)
     }
 }
 

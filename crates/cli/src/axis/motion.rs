@@ -120,8 +120,7 @@ pub(crate) struct HomeArgs {
     /// Where to look.
     #[arg(value_name = "+|-", value_parser = direction, default_value = "-", allow_hyphen_values = true)]
     direction: Direction,
-    /// Speed of the search; by default the one set in the controller (TARGET_SPEED, VMAX). Over USB an SMSD does not tell it: then
-    /// 16 full steps/s.
+    /// Speed of the search; by default the one set in the controller, or 16 full steps/s over USB, where an SMSD does not tell it.
     #[arg(long, value_name = "SPEED", value_parser = Speed::parse)]
     speed: Option<Speed>,
     /// How long to look at most; the motor is stopped then.

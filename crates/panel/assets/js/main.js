@@ -87,6 +87,8 @@ const CONFIRM_MS = 1000;
 const TRY_MS = 3000;
 const TRY_AGAIN_MS = 500;
 const LOOK_MS = 500;
+/** For so long the server goes on telling a drive, and says so when it ends. */
+const TOLD_FOR_MS = 120_000;
 /** The last press of each stop, by its path: only this one is sent again. */
 const presses = new Map();
 /** What ends looking whether drives have been told, by the path of the stop. */
@@ -161,9 +163,14 @@ function tellWhoIsLeft(path, how, notYet) {
   if (notYet.length === 0) return;
   let left = notYet;
   const tell = () => notify("error", left.length === 1 ? left[0].error
-    : `${listed(left)} could not be told to stop yet; they are told again until they can be`, { about, stays: true });
+    : `${listed(left)} could not be told to stop yet; they are told again, for two minutes`, { about, stays: true });
   tell();
+  const begun = performance.now();
   const timer = setInterval(() => {
+    if (performance.now() - begun > TOLD_FOR_MS) {
+      end();
+      return withdraw(about);
+    }
     const now = left.filter((one) => !stands(one.axis));
     if (now.length === left.length) return;
     left = now;

@@ -10,7 +10,6 @@ use serde::Serialize;
 use std::sync::Arc;
 use stepdrive_asm::{Image, disassemble};
 use stepdrive_host::Error;
-use stepdrive_host::axis::Stop;
 use stepdrive_host::smsd::Smsd;
 use stepdrive_spec::smsd::instructions::{Instruction, PROGRAM_AREAS};
 use stepdrive_web::{Asked, Named, Problem, Reply};
@@ -140,7 +139,7 @@ async fn begin(member: &Arc<Member>, area: u8, stops: u32) -> Result<(), Error> 
         return begun;
     }
     // It may have come to the controller before the start did. It is told until it gets through, however long that takes.
-    let _ = stopping::tell(member, Stop::Soft).by(Instant::now() + stopping::PATIENCE).await;
+    let _ = stopping::repeat(member, stops).by(Instant::now() + stopping::PATIENCE).await;
     Err(Error::Refused(format!("{} was told to stop while its program was being started", member.name())))
 }
 

@@ -18,4 +18,5 @@ mod programs;
 mod settings;
 mod stage;
 mod stopping;
+mod told;
 mod watching;

@@ -227,13 +227,13 @@ impl Keeper for Memory {
 async fn trust_is_kept_and_what_others_have_noted_is_taken_over() {
     let memory = Memory::default();
     let stage = Stage::with(SoftLimits::OFF, Some(Box::new(memory.clone())));
-    stage.post("/v1/axes/stage/stop", "{}").await.done();
+    stage.energise().await;
     stage.post("/v1/axes/stage/zero", "").await.done();
     assert_eq!(memory.0.lock().expect("no panic").0.last(), Some(&(Trust::Trusted, Kept::Zeroed)));
     stage.post("/v1/axes/stage/stop", r#"{"how":"free"}"#).await.done();
     assert_eq!(memory.0.lock().expect("no panic").0.last(), Some(&(Trust::Unknown, Kept::Acted)));
     stage.smsd.change(|drive, now| drive.set_input(now, stepdrive_spec::smsd::inputs::Input::In0, true));
-    stage.post("/v1/axes/stage/stop", "{}").await.done();
+    stage.energise().await;
     memory.0.lock().expect("no panic").1 = Some(TrustState::parse("trusted 0").expect("a state"));
     let axis = stage.get("/v1/axes/stage").await.done();
     assert_eq!((has(&axis, 32), &axis["doubt"]), (true, &json!(null)));

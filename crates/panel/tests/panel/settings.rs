@@ -137,7 +137,7 @@ async fn one_mistake_and_nothing_is_changed() {
 #[tokio::test(start_paused = true)]
 async fn what_cannot_be_set_now_says_why_and_changes_nothing() {
     let stage = Stage::new();
-    stage.post("/v1/axes/stage/stop", "{}").await.done();
+    stage.energise().await;
     let current = row(&stage, SMSD, "WORK_CURRENT").await;
     assert_eq!(
         (&current["writable"], &current["why_not"]),

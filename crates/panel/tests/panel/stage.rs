@@ -15,6 +15,7 @@ use stepdrive_host::axis::{DriveAxis, Smd3Motor, SmsdMotor, SoftLimits};
 use stepdrive_host::smsd::SmsdOptions;
 use stepdrive_host::units::{Decimal, Scale};
 use stepdrive_panel::{Controller, Keeper, Panel, PanelAxis};
+use stepdrive_spec::smsd::registers::Reg;
 use tokio::time::{Instant, timeout};
 
 pub(crate) use crate::station::{MS, SECOND};
@@ -108,6 +109,13 @@ impl Stage {
     }
 
     // ---- the SMSD
+
+    /// Puts current on it, as another program does.
+    pub(crate) async fn energise(&self) {
+        let other = self.smsd.another(SmsdOptions::default());
+        other.trigger(Reg::SoftStop).await.expect("it can be reached");
+        self.smsd.acts();
+    }
 
     /// How fast it turns, in full steps a second.
     pub(crate) fn speed(&self) -> f64 {

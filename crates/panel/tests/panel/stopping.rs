@@ -46,13 +46,14 @@ async fn a_stop_does_not_disturb_what_lets_it_through() {
     let stage = Stage::new();
     let text = "RUN_F 200\n".repeat(200) + "END\n";
     let body = serde_json::json!({ "text": text }).to_string();
+    stage.energise().await;
     stage.smsd.otherwise(Fault::Delay(2 * MS));
     let storing = stage.begin("PUT", "/v1/axes/stage/programs", &body);
     sleep(60 * MS).await;
     let began = Instant::now();
     stage.post(STOP, "{}").await.done();
     // Behind the stop itself it is seen to that no program moves the motor again.
-    assert!(began.elapsed() <= 20 * MS, "{:?}", began.elapsed());
+    assert!(began.elapsed() <= 30 * MS, "{:?}", began.elapsed());
     assert!(acted(&stage, Reg::SoftStop));
     storing.await.expect("no panic").done();
 }
@@ -172,10 +173,7 @@ async fn a_stop_that_nobody_answers_says_so_within_a_second() {
     let (status, why) = stage.post(STOP, "{}").await.error();
     assert!(began.elapsed() <= 1010 * MS, "{:?}", began.elapsed());
     assert_eq!(status, 502);
-    assert_eq!(
-        why,
-        "stage could not be told to stop yet: it did not answer within 1s; it is told again until it can be"
-    );
+    assert_eq!(why, "stage has not confirmed within 1s that it stops; it is told again until it does");
 }
 
 #[tokio::test(start_paused = true)]
@@ -263,35 +261,6 @@ async fn a_thousand_that_run_are_all_stopped_by_one_request() {
     assert_eq!(told, json!({ "stopped": 1000, "not_yet": [] }));
     sleep(5 * SECOND).await;
     assert!(benches.iter().all(|bench| bench.look(Reg::Speed, 0) == 0));
-}
-
-#[tokio::test(start_paused = true)]
-async fn a_soft_stop_does_not_energise_a_motor_that_was_just_seen_without_current() {
-    let stage = Stage::new();
-    let stop = async |path: &str| {
-        stage.smsd.acts();
-        stage.post(path, "{}").await.done();
-        stage.smsd.acts()
-    };
-    assert!(stop(STOP).await.contains(&(Reg::SoftStop, 1)), "nobody has looked");
-    stage.post(STOP, r#"{"how":"free"}"#).await.done();
-    let mut viewer = stage.watch("").await;
-    viewer.during(SECOND).await;
-    for path in [STOP, STOP_ALL] {
-        let acts = stop(path).await;
-        assert!(!acts.contains(&(Reg::SoftStop, 1)) && acts.contains(&(Reg::SoftHiZ, 1)), "{acts:?}");
-        assert_eq!(stage.smsd.look(Reg::HiZ, 0), 1);
-    }
-    // What moves since it was seen is braked and held.
-    stage.post("/v1/axes/stage/run", r#"{"direction":"+","speed":5}"#).await.done();
-    assert!(stop(STOP).await.contains(&(Reg::SoftStop, 1)));
-    viewer.during(3 * SECOND).await;
-    assert!(stop(STOP).await.contains(&(Reg::SoftStop, 1)), "it is energised");
-    stage.post(STOP, r#"{"how":"free"}"#).await.done();
-    viewer.during(SECOND).await;
-    drop(viewer);
-    sleep(1100 * MS).await;
-    assert!(stop(STOP).await.contains(&(Reg::SoftStop, 1)), "that was long ago");
 }
 
 /// A keeper that is slow: while it first keeps, somebody stops the axis.
